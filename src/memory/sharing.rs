@@ -72,6 +72,18 @@ impl Memory {
         self.store(ns)?.atomically(work)
     }
 
+    /// Runs operations that see the store of a collection at one moment; see [`Store::at_one_moment`].
+    ///
+    /// # Errors
+    /// What `work` fails with, or the store.
+    pub fn at_one_moment(
+        &self,
+        ns: &Namespace,
+        work: &mut dyn FnMut() -> Result<(), StoreError>,
+    ) -> Result<bool, StoreError> {
+        self.store(ns)?.at_one_moment(work)
+    }
+
     /// Keeps the changes of a scope; see [`Store::keep_changes`].
     ///
     /// # Errors

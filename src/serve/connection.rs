@@ -30,6 +30,7 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     drop(reader);
     server.leave(client.id);
     if !client.transactions.is_empty() {
+        server.readings.end_all(|session| client.transactions.contains(session));
         let _ = server.writer.submit(Job::abandon(client.transactions.into_iter().collect()));
     }
     linger(host);

@@ -12,7 +12,8 @@ use super::changes::Stream;
 use super::failure::{Failure, codes};
 use super::mailbox::{Letter, Mailbox};
 use super::session::SessionId;
-use crate::store::{Documents, MAX_SIZE, Namespace};
+use crate::query::{Spill, Spool};
+use crate::store::{Documents, MAX_SIZE, Namespace, StoreError};
 
 /// How many documents the first batch has by default.
 const FIRST_BATCH: u64 = 101;
@@ -48,10 +49,31 @@ impl<'m> Results<'m> {
         Ok(batch)
     }
 
+    /// Reads what was not sent yet, so that it stays as it is.
+    pub(super) fn settle(&mut self) {
+        let rest = std::mem::replace(&mut self.documents, (Box::new(std::iter::empty()) as Documents<'m>).peekable());
+        self.documents = (match spooled(rest) {
+            Ok(documents) => documents,
+            Err(error) => Box::new(std::iter::once(Err(error))),
+        })
+        .peekable();
+    }
+
     /// Whether all documents were sent.
     pub(super) fn is_over(&mut self) -> bool {
         self.documents.peek().is_none()
     }
+}
+
+/// Documents in memory, or in a temporary file where they are many.
+fn spooled<'m>(
+    documents: impl Iterator<Item = Result<RawDocumentBuf, StoreError>>,
+) -> Result<Documents<'m>, StoreError> {
+    let mut spool = Spool::new(&Spill::default());
+    for document in documents {
+        spool.push(&document?)?;
+    }
+    Ok(Box::new(spool.read()?.map(|document| Ok(document?))))
 }
 
 /// How many documents a first batch has.

@@ -1,6 +1,6 @@
-//! What the writer works with: its jobs, its memory, and what each session did last.
+//! What the writer works with: its jobs and its memory.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
@@ -8,7 +8,6 @@ use std::time::Duration;
 use super::host::Lazy;
 use super::job::Job;
 use super::server::Server;
-use super::session::{Finished, SessionId};
 
 /// What the writer works with.
 pub(super) struct Desk<'d> {
@@ -17,8 +16,6 @@ pub(super) struct Desk<'d> {
     /// Jobs that came while others were done.
     pub(super) waiting: VecDeque<Job>,
     pub(super) memory: &'d Lazy,
-    /// What each session did last.
-    pub(super) finished: HashMap<SessionId, Finished>,
 }
 
 impl Desk<'_> {

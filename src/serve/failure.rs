@@ -142,7 +142,10 @@ impl From<StoreError> for Failure {
 
 /// The code of a mistake in what a computable asked or answered.
 fn computed(source: &(dyn std::error::Error + 'static)) -> Option<i32> {
-    let query = source.downcast_ref::<QueryError>().map(|error| error.code);
+    let query = match source.downcast_ref::<StoreError>() {
+        Some(StoreError::Query(error)) => Some(error.code),
+        _ => source.downcast_ref::<QueryError>().map(|error| error.code),
+    };
     query.or_else(|| source.source().and_then(computed))
 }
 

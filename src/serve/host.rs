@@ -1,7 +1,7 @@
 //! A thread with a memory and the cursors it reads: where commands are run.
 
 use std::cell::OnceCell;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -95,7 +95,7 @@ impl<'m> Host<'m> {
     }
 
     /// Waits for an answer, answering letters meanwhile.
-    fn wait(&mut self) -> Answer {
+    pub(super) fn wait(&mut self) -> Answer {
         loop {
             match self.inbox.receive(TICK) {
                 Some(Letter::Answer(answer)) => return answer,
@@ -190,6 +190,12 @@ impl<'m> Host<'m> {
     pub(super) fn close_all(&mut self) {
         let all: Vec<i64> = self.cursors.keys().copied().collect();
         all.into_iter().for_each(|id| self.close(id));
+    }
+
+    /// Reads cursors to their end, into temporary files where they are large; returns their numbers.
+    pub(super) fn settle(&mut self) -> HashSet<i64> {
+        self.cursors.values_mut().for_each(Results::settle);
+        self.cursors.keys().copied().collect()
     }
 
     /// Waits for changes that others make, answering letters meanwhile.

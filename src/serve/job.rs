@@ -1,5 +1,6 @@
 //! What the writer is given to do, and the queue that it is given it by.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
@@ -7,6 +8,7 @@ use std::time::Instant;
 use super::call::Call;
 use super::failure::{Answer, Failure, codes};
 use super::mailbox::Mailbox;
+use super::reading::Snapshot;
 use super::session::{Once, SessionId};
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -53,7 +55,9 @@ pub(super) enum Action {
     Run {
         starts: bool,
         ns: Namespace,
-        call: Box<Call>,
+        call: Arc<Call>,
+        /// What it has read before its first write.
+        snapshot: Option<Snapshot>,
     },
     Commit,
     Abort,

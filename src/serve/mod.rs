@@ -31,6 +31,7 @@ mod listener;
 pub mod lock;
 mod mailbox;
 mod panic;
+mod reading;
 mod request;
 mod retry;
 mod running;

@@ -4,8 +4,6 @@
 //! session and number. What was answered is kept in the collection `rmem.retries` of the database, in
 //! the write itself: a server that is killed and started again knows it, too.
 
-use std::collections::HashMap;
-
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::access::RECORDS;
@@ -29,9 +27,9 @@ pub(super) fn recall(
     memory: &Memory,
     ns: &Namespace,
     once: &Once,
-    finished: &HashMap<SessionId, Finished>,
+    last: Option<Finished>,
 ) -> Result<Option<RawDocumentBuf>, Failure> {
-    match finished.get(&once.session) {
+    match last {
         Some(last) if last.number < once.number => return Ok(None),
         Some(last) if last.number > once.number => return Err(too_old(once, last.number)),
         _ => {}

@@ -17,6 +17,8 @@ use super::cursor::Cursors;
 use super::failure::{Failure, codes};
 use super::hub::Hub;
 use super::job::{Job, JobQueue};
+use super::reading::Readings;
+use super::session::Sessions;
 use super::stream::Handle;
 use crate::memory::Memory;
 use crate::store::StoreError;
@@ -55,6 +57,8 @@ pub struct Server {
     pub(super) writer: JobQueue,
     pub(super) hub: Hub,
     pub(super) scopes: Scopes,
+    pub(super) sessions: Sessions,
+    pub(super) readings: Readings,
     pub(super) clock: Clock,
     pub(super) counters: Counters,
     pub(super) started: DateTime,
@@ -92,6 +96,8 @@ impl Server {
             writer,
             hub: Hub::default(),
             scopes: Scopes::default(),
+            sessions: Sessions::default(),
+            readings: Readings::default(),
             clock: Clock::default(),
             counters: Counters::default(),
             started: DateTime::now(),

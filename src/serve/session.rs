@@ -1,6 +1,8 @@
 //! Logical sessions: by what a client says which of its commands belong together.
 
+use std::collections::HashMap;
 use std::fmt;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use bson::spec::BinarySubtype;
@@ -78,6 +80,47 @@ pub(super) enum How {
     Write,
     Committed,
     Aborted,
+}
+
+/// What each session did last, and whose transaction is open in the writer's thread.
+#[derive(Debug, Default)]
+pub(super) struct Sessions(Mutex<(HashMap<SessionId, Finished>, Option<SessionId>)>);
+
+impl Sessions {
+    /// What a session did last.
+    pub(super) fn last(&self, session: &SessionId) -> Option<Finished> {
+        self.lock().0.get(session).copied()
+    }
+
+    pub(super) fn finish(&self, session: SessionId, finished: Finished) {
+        self.lock().0.insert(session, finished);
+    }
+
+    /// The same, unless the session has done this, or a later thing, already.
+    pub(super) fn finish_first(&self, session: &SessionId, finished: Finished) {
+        let mut sessions = self.lock();
+        if sessions.0.get(session).is_none_or(|last| last.number < finished.number) {
+            sessions.0.insert(session.clone(), finished);
+        }
+    }
+
+    /// Forgets what is older.
+    pub(super) fn forget(&self, age: Duration) {
+        self.lock().0.retain(|_, finished| finished.at.elapsed() < age);
+    }
+
+    /// Says whose transaction the writer's thread is busy with.
+    pub(super) fn set_open(&self, session: Option<SessionId>) {
+        self.lock().1 = session;
+    }
+
+    pub(super) fn is_open(&self, session: &SessionId) -> bool {
+        self.lock().1.as_ref() == Some(session)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (HashMap<SessionId, Finished>, Option<SessionId>)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Finished {

@@ -1,9 +1,10 @@
-//! Transactions of several commands: the writer's thread belongs to one until it ends.
+//! Transactions that write: the writer's thread belongs to one from its first write until it ends.
 //!
 //! All its commands see what it saw at first and what it wrote; others see nothing of it before it is
 //! committed, and wait with their writes. Where a command fails, or it takes too long, nothing of it
 //! was done.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bson::RawDocumentBuf;
@@ -16,6 +17,7 @@ use super::host::{self, Host};
 use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
 use super::panic;
+use super::reading::Snapshot;
 use super::retry;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT};
 use crate::memory::Memory;
@@ -33,10 +35,15 @@ fn records() -> Namespace {
 
 /// Does a step where no transaction is open: the first of one, or one that comes too late.
 pub(super) fn run(desk: &mut Desk<'_>, step: Step) {
-    let last = desk.finished.get(&step.once.session).copied();
+    let last = desk.server.sessions.last(&step.once.session);
     match step.action {
-        Action::Run { starts: true, ns, call } if last.is_none_or(|last| last.number < step.once.number) => {
-            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(desk, ns, *call, step.reply);
+        Action::Run { starts: true, ns, call, snapshot } if last.is_none_or(|last| last.number < step.once.number) => {
+            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(
+                desk,
+                ns,
+                First { call, snapshot },
+                step.reply,
+            );
         }
         action => step.reply.answer(late(desk, &step.once, &action, last)),
     }
@@ -59,7 +66,7 @@ fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -
     }
 }
 
-fn superseded(once: &Once, last: i64) -> Failure {
+pub(super) fn superseded(once: &Once, last: i64) -> Failure {
     let message = format!("the session {} has begun transaction {last} since {}", once.session, once.number);
     Failure::new(codes::TRANSACTION_TOO_OLD, message)
 }
@@ -76,7 +83,11 @@ fn refuse_overdue(desk: &mut Desk<'_>) {
     }
 }
 
-fn none(once: &Once) -> Failure {
+pub(super) fn started(once: &Once) -> Failure {
+    Failure::new(codes::CONFLICT, format!("transaction {} has been started already", once.number))
+}
+
+pub(super) fn none(once: &Once) -> Failure {
     let message = format!(
         "Given transaction number {} does not match any in-progress transactions of session {}.",
         once.number, once.session
@@ -90,6 +101,13 @@ struct Open {
     until: Instant,
 }
 
+/// What the writer does first of a transaction.
+struct First {
+    call: Arc<Call>,
+    /// What was read before.
+    snapshot: Option<Snapshot>,
+}
+
 /// How a transaction came to its end.
 enum End {
     Commit(Mailbox),
@@ -101,7 +119,8 @@ enum End {
 
 impl Open {
     /// Runs the transaction from its first command to its end.
-    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: Call, reply: Mailbox) {
+    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: First, reply: Mailbox) {
+        desk.server.sessions.set_open(Some(self.once.session.clone()));
         let memory = desk.memory.get();
         let (mut first, mut end) = (Some(first), None);
         let kept = memory.and_then(|memory| {
@@ -116,7 +135,8 @@ impl Open {
         });
         let how = if kept.is_ok() { How::Committed } else { How::Aborted };
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
-        desk.finished.insert(self.once.session.clone(), finished);
+        desk.server.sessions.finish(self.once.session.clone(), finished);
+        desk.server.sessions.set_open(None);
         match end {
             Some(End::Commit(reply)) => reply.answer(kept.map(|()| RawDocumentBuf::new())),
             Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
@@ -133,12 +153,17 @@ impl Open {
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
-    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: Call, reply: &Mailbox) -> End {
+    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: First, reply: &Mailbox) -> End {
+        if first.snapshot.is_some_and(|snapshot| !snapshot.is_current()) {
+            let message = "something was written since the transaction began to read; begin it again";
+            reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
+            return End::Abort(None);
+        }
         let Ok(mut host) = Host::new(desk.server, desk.memory, true) else {
             reply.answer(Err(Failure::new(codes::FAILED, "the system has no more sockets to give")));
             return End::Abort(None);
         };
-        let mut failed = perform(&mut host, memory, ns, ns, &first, reply);
+        let mut failed = perform(&mut host, memory, ns, ns, &first.call, reply);
         let end = loop {
             if failed {
                 break End::Abort(None);
@@ -152,8 +177,7 @@ impl Open {
                     Action::Commit => break End::Commit(step.reply),
                     Action::Abort => break End::Abort(Some(step.reply)),
                     Action::Run { starts: true, .. } => {
-                        let message = format!("transaction {} has been started already", self.once.number);
-                        step.reply.answer(Err(Failure::new(codes::CONFLICT, message)));
+                        step.reply.answer(Err(started(&self.once)));
                     }
                     Action::Run { ns: other, call, .. } => {
                         failed = perform(&mut host, memory, ns, &other, &call, &step.reply);
@@ -165,7 +189,7 @@ impl Open {
                     break End::Abort(None);
                 }
                 Some(Job::Step(step)) if self.is_late(&step) => {
-                    let last = desk.finished.get(&step.once.session).copied();
+                    let last = desk.server.sessions.last(&step.once.session);
                     step.reply.answer(match step.once.session == self.once.session {
                         true => Err(superseded(&step.once, self.once.number)),
                         false => late(desk, &step.once, &step.action, last),

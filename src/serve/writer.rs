@@ -4,7 +4,7 @@
 //! fails alone, and is made durable by one sync. So the more clients write, the less each waits. A
 //! transaction of several commands has the thread for itself until it ends.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ const MEMORY: Duration = Duration::from_secs(30 * 60);
 /// Writes until the server ends.
 pub(super) fn run(server: &Arc<Server>, jobs: Receiver<Job>) {
     let memory = Lazy::new(server);
-    let mut desk = Desk { server, jobs, waiting: VecDeque::new(), memory: &memory, finished: HashMap::new() };
+    let mut desk = Desk { server, jobs, waiting: VecDeque::new(), memory: &memory };
     let mut beat = Instant::now();
     loop {
         match desk.next(BEAT.saturating_sub(beat.elapsed())) {
@@ -107,7 +107,7 @@ impl Desk<'_> {
     fn step(&mut self, memory: &Memory, write: Write) -> Answer {
         let Write { ns, once, work, .. } = write;
         if let Some(once) = &once
-            && let Some(answer) = retry::recall(memory, &ns, once, &self.finished)?
+            && let Some(answer) = retry::recall(memory, &ns, once, self.server.sessions.last(&once.session))?
         {
             return Ok(answer);
         }
@@ -117,14 +117,14 @@ impl Desk<'_> {
             Ok(answer)
         })?;
         if let Some(Once { session, number }) = once {
-            self.finished.insert(session, Finished::write(number));
+            self.server.sessions.finish(session, Finished::write(number));
         }
         Ok(answer)
     }
 
     /// Lets go of what is too old.
     fn look_after(&mut self) {
-        self.finished.retain(|_, finished| finished.at.elapsed() < MEMORY);
+        self.server.sessions.forget(MEMORY);
         let Ok(memory) = self.memory.get() else { return };
         // What cannot be done now is done at the next beat.
         let _ = self.server.scopes.look_after(memory);

@@ -243,6 +243,12 @@ pub trait Store: Send {
         work()
     }
 
+    /// Runs operations that all see the store at one moment, while others write. They cannot write themselves: error
+    /// 112, a write conflict. Returns whether nothing was written meanwhile, where the store knows it.
+    fn at_one_moment(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {
+        work().map(|()| false)
+    }
+
     /// Runs operations that do not wait for the disk, where the store can: what they did may be lost with the power, the last
     /// of it first. Everything else holds as for others.
     fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {

@@ -46,6 +46,15 @@ impl Command {
         Self { name, run: Run::Write(run), is_open: false, in_transaction: false }
     }
 
+    /// Whether a request for it writes.
+    pub(super) fn is_writing(&self, request: &Request) -> bool {
+        match self.run {
+            Run::Here(_) | Run::Read(_) => false,
+            Run::Write(_) => true,
+            Run::Either(writes, ..) => writes(request),
+        }
+    }
+
     /// Allowed for every client.
     pub(super) const fn open(self) -> Self {
         Self { is_open: true, ..self }

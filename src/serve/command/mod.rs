@@ -25,9 +25,10 @@ mod update;
 mod write;
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use bson::raw::cstr;
-use bson::{Document, doc, rawdoc};
+use bson::{Bson, Document, doc, rawdoc};
 
 use super::access::RECORDS;
 use super::attempt::attempt;
@@ -37,9 +38,11 @@ use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
+use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
-use super::session::Once;
+use super::session::{Finished, How, Once};
+use super::transaction::started;
 use super::wire::Form;
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -128,6 +131,7 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         (Some(session), Some(part)) => Some(Once { session: session.clone(), number: part.number }),
         _ => None,
     };
+    once.iter().for_each(|once| host.server.readings.end_before(once));
     let home = home(&call.request);
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
@@ -156,19 +160,65 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         return Err(Failure::new(codes::ILLEGAL, message));
     }
     let once = Once { session: session.clone(), number: part.number };
-    let action = match command.name {
-        "commitTransaction" => Action::Commit,
-        "abortTransaction" => Action::Abort,
-        _ => Action::Run { starts: part.starts, ns, call: Box::new(call) },
-    };
     if part.starts {
         client.transactions.insert(session.clone());
     }
-    let is_end = !matches!(action, Action::Run { .. });
+    let end = match command.name {
+        "commitTransaction" => Some((Action::Commit, How::Committed)),
+        "abortTransaction" => Some((Action::Abort, How::Aborted)),
+        _ => None,
+    };
+    match end {
+        Some((action, how)) => {
+            client.transactions.remove(&session);
+            end_transaction(host, once, action, how)
+        }
+        None => step(host, command, once, part.starts, &Arc::new(call)),
+    }
+}
+
+/// Ends a transaction: one that has only read is over, others are ended by the writer.
+fn end_transaction(host: &mut Host<'_>, once: Once, action: Action, how: How) -> Answer {
+    if host.server.readings.end(&once) {
+        let finished = Finished { number: once.number, how, at: Instant::now() };
+        host.server.sessions.finish(once.session, finished);
+        return host::empty();
+    }
+    let reply = host.inbox.mailbox();
+    host.submit(Job::Step(Step { once, action, reply, since: Instant::now() }))
+}
+
+/// Runs a command of a transaction: where it has only read, in its own thread; else by the writer.
+fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: &Arc<Call>) -> Answer {
+    let ns = home(&call.request);
+    let server = Arc::clone(&host.server);
+    server.readings.end_before(&once);
+    if starts && server.readings.has(&once) {
+        return Err(started(&once));
+    }
+    let is_writing = command.is_writing(&call.request);
+    if starts && !is_writing {
+        if server.sessions.is_open(&once.session) {
+            server.writer.submit(Job::abandon(vec![once.session.clone()]))?;
+        }
+        reading::begin(&server, &once, &ns)?;
+    }
+    if let Some(Bson::Int64(cursor)) = call.request.target()
+        && command.name == "getMore"
+        && server.readings.keeps_cursor(&once, *cursor)
+    {
+        return inside(host, call);
+    }
+    if !is_writing && let Some(answer) = reading::run(host, &once, call)? {
+        return answer;
+    }
+    let snapshot = reading::snapshot(&server, &once);
+    let starts = starts || snapshot.is_some();
+    let action = Action::Run { starts, ns, call: Arc::clone(call), snapshot };
     let reply: Mailbox = host.inbox.mailbox();
-    let answer = host.submit(Job::Step(Step { once, action, reply, since: std::time::Instant::now() }));
-    if is_end {
-        client.transactions.remove(&session);
+    let answer = host.submit(Job::Step(Step { once: once.clone(), action, reply, since: Instant::now() }));
+    if answer.is_err() {
+        server.readings.end(&once);
     }
     answer
 }
@@ -176,11 +226,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
 /// Runs a command where its transaction is.
 pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
     let Some(command) = find(&call.request.name) else { return Err(unknown(&call.request)) };
-    let is_writing = match command.run {
-        Run::Here(_) | Run::Read(_) => false,
-        Run::Write(_) => true,
-        Run::Either(writes, ..) => writes(&call.request),
-    };
+    let is_writing = command.is_writing(&call.request);
     if is_writing && host.server.options.read_only {
         return Err(Failure::new(codes::ILLEGAL, "this memory is served read-only"));
     }

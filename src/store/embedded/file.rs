@@ -171,6 +171,7 @@ impl Embedded {
             indexes: Remembered::default(),
             log: Log::default(),
             is_brief,
+            is_reading: Cell::default(),
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),
         })

@@ -70,6 +70,8 @@ pub struct Embedded {
     log: Log,
     /// Whether a write waits only briefly for other writers.
     is_brief: Arc<AtomicBool>,
+    /// Whether what is read is of one moment, so that nothing is written.
+    is_reading: Cell<bool>,
     /// Whether what is written makes room.
     is_deleting: Cell<bool>,
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.

@@ -10,12 +10,15 @@ use super::catalog::Collection;
 use super::change_log::Noted;
 use super::snapshot::Snapshot;
 use super::{Embedded, busy, failure, file};
-use crate::query::Collation;
 use crate::query::collation::during;
+use crate::query::{Collation, QueryError};
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
     Namespace, Put, Query, Scope, Store, StoreError, UpdateRequest, Updated, Values,
 };
+
+/// MongoDB's code for a write that another one has overtaken.
+const WRITE_CONFLICT: i32 = 112;
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -193,6 +196,18 @@ impl Store for Embedded {
         self.write(work)
     }
 
+    fn at_one_moment(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {
+        let before = {
+            let _moment = self.moment()?;
+            let version = self.version().map_err(|e| self.explain(&e))?;
+            self.is_reading.set(true);
+            let result = work();
+            self.is_reading.set(false);
+            result.map(|()| version)?
+        };
+        Ok(self.version().map_err(|e| self.explain(&e))? == before)
+    }
+
     fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         // A transaction is as durable as where it was begun.
         if !self.connection.is_autocommit() {
@@ -235,6 +250,11 @@ impl Embedded {
         Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))
     }
 
+    /// A number that changes with what others write.
+    fn version(&self) -> rusqlite::Result<i64> {
+        self.connection.prepare_cached("PRAGMA data_version")?.query_row([], |row| row.get(0))
+    }
+
     fn find_at(&self, moment: Snapshot<'_>, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         self.answer(moment, ns, find)
     }
@@ -242,6 +262,9 @@ impl Embedded {
     /// Runs `work` in a write transaction: all of it is kept, or, where it fails, nothing.
     /// Within [`Store::atomically`] there is one already, of which it is a step.
     pub(super) fn write<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+        if self.is_reading.get() {
+            return Err(QueryError::invalid(WRITE_CONFLICT, "what is read at one moment cannot be written to").into());
+        }
         if !self.connection.is_autocommit() {
             return self.step(work);
         }

@@ -12,6 +12,10 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_is_kept_as_a_whole_or_not_at_all", whole),
     ("nobody_sees_a_transaction_before_it_is_committed_and_writers_wait", alone),
     ("a_second_transaction_is_told_that_one_is_open", second),
+    ("a_transaction_that_only_reads_lets_others_write_and_sees_one_state", reading),
+    ("a_transaction_that_has_read_writes_if_nothing_was_written_since", upgraded),
+    ("cursors_of_a_transaction_outlive_its_first_write", cursors),
+    ("a_computable_runs_in_a_transaction_that_has_read", computed),
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
@@ -114,6 +118,110 @@ fn alone() -> Result<(), Failed> {
     let (written, after) = writer.join().map_err(|_| "it panicked")?;
     assert!(written == Ok(1) && after > before);
     assert_eq!(count(&mut session.wire)?, 3);
+    Ok(())
+}
+
+fn found(answer: &Document, batch: &str) -> Result<Vec<i32>, Failed> {
+    let batch = answer.get_document("cursor")?.get_array(batch)?.iter();
+    Ok(batch.filter_map(|found| found.as_document()?.get_i32("_id").ok()).collect())
+}
+
+fn all() -> Document {
+    doc! { "find": "c", "filter": {} }
+}
+
+fn plain(wire: &mut Wire, mut command: Document) -> Result<Document, Failed> {
+    command.insert("$db", "a");
+    wire.run(&command)
+}
+
+fn reading() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut other = Wire::connect(served.address())?;
+    fine(plain(&mut other, insert(1))?);
+    let (mut one, mut two) = (Session::open(&served)?, Session::open(&served)?);
+    assert_eq!(found(&one.run(1, true, all())?, "firstBatch")?, [1]);
+    // An open transaction that waited for the writer, or that the writer waited for, would stop all of this.
+    fine(plain(&mut other, insert(2))?);
+    fine(two.run(1, true, insert(3))?);
+    assert_eq!(found(&two.run(1, false, all())?, "firstBatch")?, [1, 2, 3]);
+    assert_eq!(found(&one.run(1, false, all())?, "firstBatch")?, [1]);
+    fine(two.end(1, "commitTransaction")?);
+    assert_eq!(found(&one.run(1, false, all())?, "firstBatch")?, [1]);
+    refused(one.run(1, true, all())?, 117);
+    refused(one.run(0, false, all())?, 225);
+    fine(one.end(1, "commitTransaction")?);
+    fine(one.end(1, "commitTransaction")?);
+    refused(one.run(1, false, all())?, 256);
+    assert_eq!(found(&one.run(2, true, all())?, "firstBatch")?, [1, 2, 3]);
+    fine(one.end(2, "abortTransaction")?);
+    refused(one.end(2, "commitTransaction")?, 251);
+    // A transaction that failed while it read is over.
+    fine(one.run(3, true, all())?);
+    refused(one.run(3, false, doc! { "find": "c", "filter": { "$x": 1 } })?, 2);
+    refused(one.run(3, false, all())?, 251);
+    refused(one.end(3, "commitTransaction")?, 251);
+    Ok(())
+}
+
+fn upgraded() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut other = Wire::connect(served.address())?;
+    let mut session = Session::open(&served)?;
+    fine(session.run(1, true, all())?);
+    fine(session.run(1, false, insert(1))?);
+    assert_eq!(found(&session.run(1, false, all())?, "firstBatch")?, [1]);
+    assert_eq!(count(&mut other)?, 0);
+    fine(session.end(1, "commitTransaction")?);
+    fine(session.end(1, "commitTransaction")?);
+    assert_eq!(found(&session.run(2, true, all())?, "firstBatch")?, [1]);
+    fine(plain(&mut other, insert(2))?);
+    let answer = session.run(2, false, insert(3))?;
+    assert_eq!(answer.get_array("errorLabels")?, &vec![Bson::from("TransientTransactionError")]);
+    refused(answer, 112);
+    refused(session.end(2, "commitTransaction")?, 251);
+    assert_eq!(found(&session.run(3, true, all())?, "firstBatch")?, [1, 2]);
+    fine(session.run(3, false, insert(3))?);
+    fine(session.end(3, "abortTransaction")?);
+    assert_eq!(count(&mut other)?, 2);
+    Ok(())
+}
+
+fn cursors() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    for id in 1..=5 {
+        fine(plain(&mut session.wire, insert(id))?);
+    }
+    let answer = session.run(1, true, doc! { "find": "c", "filter": {}, "batchSize": 2 })?;
+    assert_eq!(found(&answer, "firstBatch")?, [1, 2]);
+    let cursor = answer.get_document("cursor")?.get_i64("id")?;
+    let more = || doc! { "getMore": cursor, "collection": "c", "batchSize": 1 };
+    assert_eq!(found(&session.run(1, false, more())?, "nextBatch")?, [3]);
+    fine(session.run(1, false, doc! { "delete": "c", "deletes": [{ "q": { "_id": 4 }, "limit": 1 }] })?);
+    assert_eq!(found(&session.run(1, false, more())?, "nextBatch")?, [4]);
+    fine(session.run(1, false, insert(6))?);
+    assert_eq!(found(&session.run(1, false, more())?, "nextBatch")?, [5]);
+    fine(session.end(1, "commitTransaction")?);
+    assert_eq!(count(&mut session.wire)?, 5);
+    Ok(())
+}
+
+fn computed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let settings = "[[computable]]\nname = 'double'\ncollection = 'a.c'\nspec = \"{double: {$exists: true}}\"\ncache = '1m'\n\
+                    pipeline = \"[{$match: {_id: 4}}, {$project: {_id: 0, double: {$multiply: ['$_id', 2]}}}]\"\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(plain(&mut session.wire, insert(4))?);
+    assert_eq!(found(&session.run(1, true, all())?, "firstBatch")?, [4]);
+    let answer = session.run(1, false, doc! { "find": "c", "filter": { "double": 8 } })?;
+    assert_eq!(answer.get_document("cursor")?.get_array("firstBatch")?.len(), 1, "{answer}");
+    fine(session.end(1, "commitTransaction")?);
     Ok(())
 }
 
