@@ -54,6 +54,7 @@ pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
         ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
         ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
         ErrorKind::UnknownArgument => return with_option(error),
+        ErrorKind::MissingRequiredArgument => return with_missing(error),
         _ => return error,
     };
     let Some(ContextValue::String(word)) = error.get(kind) else { return error };
@@ -71,9 +72,42 @@ pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
     let files = || is_command.then(|| of_domain(word, &error)).flatten();
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     let known = || known().map(|(_, tip)| (*tip).to_owned());
-    if let Some(tip) = feature.or(tip).or_else(known).or_else(method).or_else(files).or_else(documents) {
+    let number = std::error::Error::source(&error).is_some_and(|source| source.is::<std::num::ParseIntError>());
+    let number = || number.then(|| "expected a whole number, like 10".to_owned());
+    let first = || (!is_command && is_of_namespace(&error)).then(|| collection_first(word)).flatten();
+    if let Some(tip) =
+        feature.or(tip).or_else(known).or_else(method).or_else(files).or_else(documents).or_else(number).or_else(first)
+    {
         error.remove(value);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
+
+/// Whether the value is that of a collection.
+fn is_of_namespace(error: &Error) -> bool {
+    error.get(ContextKind::InvalidArg).is_some_and(|argument| argument.to_string().contains("<NS>"))
+}
+
+/// The tip for a document in the place of the collection.
+fn collection_first(text: &str) -> Option<String> {
+    let is_document = text.trim_start().starts_with(['{', '[']);
+    is_document.then(|| format!("the collection stands in front of it: robmem.worldmodel {}", word(text)))
+}
+
+/// What to write where an argument is missing.
+const MISSING: [(&str, &str); 4] = [
+    ("update", "the query stands before the update; '{}' is the query for all documents"),
+    ("find-and-modify", "the query stands before the update, '{}' for all documents; --remove needs no update"),
+    ("distinct", "the field stands behind the collection: rmem distinct robmem.worldmodel object"),
+    ("dump", "--all writes all collections"),
+];
+
+/// Adds a tip to the error for a missing argument.
+fn with_missing(mut error: Error) -> Error {
+    let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
+    if let Some((_, tip)) = MISSING.iter().find(|(command, _)| usage.contains(&format!("rmem {command} "))) {
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![(*tip).into()]));
     }
     error
 }
@@ -113,6 +147,16 @@ fn with_option(mut error: Error) -> Error {
             Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())
         }
         file if is_of("gen-problem") && is_of_task(file) => Some(format!("write: --template {}", word(file))),
+        template if is_of("gen-problem") && !template.starts_with('-') => {
+            Some(format!("write: --template {}", word(template)))
+        }
+        _ if usage.contains("rmem collections") => Some(
+            "'rmem collections' lists all; 'rmem schema NS' prints the fields of one, 'rmem count NS' counts"
+                .to_owned(),
+        ),
+        value if is_of("query") && !value.starts_with('-') => {
+            Some("a query is one argument: robmem.worldmodel \"{name: 'A'}\"".to_owned())
+        }
         "--explain" if is_of("plan") => {
             Some("'rmem gen-problem --explain ATOM' explains an atom, and 'rmem plan why' a plan".to_owned())
         }

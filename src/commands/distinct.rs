@@ -4,14 +4,17 @@ use clap::Args;
 
 use super::modifiers::ModifierArgs;
 use super::query::{argument, blame};
-use super::{Context, formats, missing};
+use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::store::{Namespace, Query};
 
+/// How a query is given.
+const EXAMPLE: &str = "rmem distinct robmem.worldmodel object \"{relation: 'on-table'}\"";
+
 /// Print the distinct values of a field
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  rmem distinct robmem.worldmodel object \"{relation: 'on-table'}\"")]
+#[command(after_help = format!("Example:\n  {EXAMPLE}"))]
 #[command(arg = formats::argument(&formats::VALUES))]
 pub struct DistinctArgs {
     /// Collection, as DATABASE.COLLECTION
@@ -35,6 +38,11 @@ pub struct DistinctArgs {
 }
 
 pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit> {
+    if args.field.contains(['{', '[']) {
+        let message =
+            format!("`{}` is not the name of a field; expected NS FIELD [QUERY], like: {EXAMPLE}", args.field);
+        return Err(UsageError::new(message).into());
+    }
     let filter = argument("<query>", &args.query)?;
     let memory = context.memory()?;
     memory.show_computed(args.computed);

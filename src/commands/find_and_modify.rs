@@ -39,7 +39,7 @@ pub struct FindAndModifyArgs {
     #[arg(long)]
     pub remove: bool,
     /// Sort order that decides which document is the first, e.g. '{due: 1}'
-    #[arg(long, value_name = "KEYS")]
+    #[arg(long, value_name = "KEYS", allow_hyphen_values = true)]
     pub sort: Option<String>,
     /// Print the document after the change
     #[arg(long, conflicts_with = "remove")]

@@ -13,10 +13,11 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
-use super::query::blame;
+use super::query::{blame, in_braces};
 use super::{Context, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::formats::command_line::word;
 use crate::formats::shell::{self, Reader};
 use crate::formats::{Diagnostic, Source, csv, yaml};
 use crate::input::unreadable;
@@ -127,7 +128,7 @@ fn read_all(
         let name =
             if args.documents.len() == 1 { "<argument>".to_owned() } else { format!("<argument {}>", index + 1) };
         let source = Source::new(name, text.as_str());
-        let documents = shell::parse_documents(&source)?;
+        let documents = shell::parse_documents(&source).map_err(|error| hinted(error, text))?;
         if documents.is_empty() {
             return Err(WrongInput::new(format!("{}: expected a document, found nothing", source.name())).into());
         }
@@ -297,6 +298,18 @@ impl<'a> Batch<'a> {
             }
             _ => blame(counted(error, before), &[]),
         })
+    }
+}
+
+/// The error for an argument that is no document, with what to write for the name of a file, or for `key=value`.
+fn hinted(error: Diagnostic, text: &str) -> Diagnostic {
+    let ends = [".json", ".jsonl", ".ndjson", ".yaml", ".yml", ".csv", ".tsv"];
+    if !text.contains('{') && (ends.iter().any(|end| text.ends_with(end)) || Path::new(text).is_file()) {
+        return error.without_hints().hint(format!("--file {} reads the documents of a file", word(text)));
+    }
+    match in_braces(text, false) {
+        Some(document) => error.without_hints().hint(format!("a document is written in braces: {document}")),
+        None => error,
     }
 }
 

@@ -31,7 +31,7 @@ pub struct QueryArgs {
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Sort order, e.g. '{name: 1}' (-1 is descending)
-    #[arg(long, value_name = "SORT")]
+    #[arg(long, value_name = "SORT", allow_hyphen_values = true)]
     pub sort: Option<String>,
     /// Print at most N documents (default: all)
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
@@ -160,7 +160,42 @@ pub(super) fn fields(name: &'static str, option: &str, text: &str) -> Result<bso
 
 /// A document given on the command line; `name` is what messages call it.
 pub(super) fn argument(name: &'static str, text: &str) -> Result<bson::Document, Diagnostic> {
-    shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays)
+    shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays).map_err(|error| match in_braces(
+        text,
+        name == "<query>",
+    ) {
+        Some(document) => error.without_hints().hint(format!("a document is written in braces: {document}")),
+        None => error,
+    })
+}
+
+/// What to write for `team=CYAN` and, in a query, for a value alone, which is taken for an `_id`.
+pub(super) fn in_braces(text: &str, is_query: bool) -> Option<String> {
+    let is_name = |name: &str| {
+        name.starts_with(char::is_alphabetic) && name.chars().all(|c| c.is_alphanumeric() || matches!(c, '_' | '.'))
+    };
+    let value = |text: &str| match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => text.to_owned(),
+        _ => shell::relaxed_value(&text.trim_matches(['"', '\'']).into()).replace('"', "'"),
+    };
+    let pair = text.split_once("==").or_else(|| text.split_once(['=', ':']));
+    match pair.map(|(name, value)| (name.trim(), value.trim())) {
+        Some((name, text)) if is_name(name) && !text.is_empty() && !text.contains(['{', '[', '(', '\\', '\n']) => {
+            let name = if name.contains('.') { format!("'{name}'") } else { name.to_owned() };
+            Some(format!("{{{name}: {}}}", value(text)))
+        }
+        None if is_query && text.parse::<f64>().is_ok_and(f64::is_finite) => Some(format!("{{_id: {text}}}")),
+        _ => None,
+    }
+}
+
+/// What to write where an operator is given something of another shape.
+fn advice(message: &str) -> Option<String> {
+    if message == "a group specification must include an _id" {
+        return Some("_id: '$key' makes a group for each value of key, _id: null makes one group".to_owned());
+    }
+    let operator = message.strip_suffix(" must be an array").filter(|name| ["$or", "$and", "$nor"].contains(name))?;
+    Some(format!("write {operator}: [{{a: 1}}, {{b: 2}}]"))
 }
 
 /// Decodes a document of a store.
@@ -187,7 +222,8 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
             let written = text.get(place.start..place.end).unwrap_or_default().trim_matches(['"', '\'']);
             let meant = nearest(written, known_names(&query.message).iter().copied());
             let error = Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone());
-            meant.into_iter().fold(error, |error, meant| error.hint(format!("did you mean `{meant}`?"))).into()
+            let error = meant.into_iter().fold(error, |error, meant| error.hint(format!("did you mean `{meant}`?")));
+            advice(&query.message).into_iter().fold(error, Diagnostic::hint).into()
         }
         (None, [(name, text)]) => {
             let source = Source::new(*name, *text);

@@ -853,3 +853,38 @@ fn a_planner_without_output_is_read_as_what_it_prints() {
         lab.rmem(&[&plan[..], &["--load", "fixtures/blocksworld.json", "--planner", "liar"]].concat()).exits(11);
     assert!(claimed.stderr.contains("why: liar claims it, and rmem has no proof of it"), "{claimed}");
 }
+
+#[test]
+fn arguments_of_other_tools_and_in_another_order_get_a_tip() {
+    let lab = lab();
+    lab.write("objects.json", "[{_id: 9}]");
+    let template = "templates/blocksworld/problem.pddl.j2";
+    for (args, code, tip) in [
+        (&["query", "robmem.orders", "team=CYAN"][..], 3, "a document is written in braces: {team: 'CYAN'}"),
+        (&["query", "robmem.orders", "pose.x=1.5"], 3, "a document is written in braces: {'pose.x': 1.5}"),
+        (&["count", "robmem.orders", "7"], 3, "a document is written in braces: {_id: 7}"),
+        (&["query", "robmem.orders", "team", "CYAN"], 2, "a query is one argument: robmem.worldmodel \"{name: 'A'}\""),
+        (&["query", "{team: 'CYAN'}", "robmem.orders"], 2, "robmem.worldmodel \"{team: 'CYAN'}\""),
+        (&["insert", "{team: 'CYAN'}"], 2, "the collection stands in front of it: "),
+        (&["insert", "robmem.orders", "a=1"], 3, "a document is written in braces: {a: 1}"),
+        (&["insert", "robmem.orders", "objects.json"], 3, "--file objects.json reads the documents of a file"),
+        (&["update", "robmem.orders", "{$set: {a: 1}}"], 2, "the query stands before the update"),
+        (&["find-and-modify", "robmem.orders", "{}"], 2, "--remove needs no update"),
+        (&["distinct", "robmem.orders"], 2, "the field stands behind the collection"),
+        (&["distinct", "robmem.orders", "{team: 1}"], 2, "is not the name of a field; expected NS FIELD [QUERY]"),
+        (&["dump", "-o", "x.json"], 2, "--all writes all collections"),
+        (&["query", "robmem.orders", "--limit", "all"], 2, "expected a whole number, like 10"),
+        (&["query", "robmem.orders", "--sort", "-rings"], 3, "write --sort '{rings: -1}'"),
+        (&["query", "robmem.orders", "{rings: >=1}"], 3, "`>=` is written {$gte: 1}"),
+        (&["query", "robmem.orders", "{$or: {a: 1}}"], 3, "write $or: [{a: 1}, {b: 2}]"),
+        (&["aggregate", "robmem.orders", "[{$group: {n: {$sum: 1}}}]"], 3, "_id: null makes one group"),
+        (&["aggregate", "robmem.orders", "$match"], 3, "stages are written in brackets and braces"),
+        (&["collections", "robmem"], 2, "'rmem collections' lists all"),
+        (&["gen-problem", template], 2, "write: --template templates/blocksworld/problem.pddl.j2"),
+        (&["--load", "fixtures/blocksworld.json", "gen-problem", "-t", template], 3, "give the goal with --goal"),
+    ] {
+        let refused = lab.rmem(args).exits(code);
+        assert!(refused.stderr.contains(tip), "{args:?}: {refused}");
+    }
+    assert_eq!(lab.rmem(&["count", "robmem.orders"]).success(), "3\n");
+}

@@ -21,10 +21,18 @@ const WORDS: [(&[&str], &str); 8] = [
     ),
 ];
 
+/// Comparisons of other languages, the longer ones first, and the operators for them.
+const COMPARISONS: [(&str, &str); 6] =
+    [(">=", "$gte"), ("<=", "$lte"), ("!=", "$ne"), ("<>", "$ne"), (">", "$gt"), ("<", "$lt")];
+
 /// What to write instead of the text that is no value.
 pub(super) fn hint(text: &str) -> Option<String> {
     if text.starts_with('(') {
         return Some("Python's tuple is written as an array: [1, 2]".to_owned());
+    }
+    let comparison = COMPARISONS.iter().find(|(signs, _)| text.starts_with(signs));
+    if let Some((signs, operator)) = comparison {
+        return Some(format!("`{signs}` is written {{{operator}: 1}}"));
     }
     let end = text.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(text.len());
     let word = text.get(..end).unwrap_or_default();
@@ -63,6 +71,7 @@ mod tests {
             ("{'x': array([1, 2])}", "1:7", "an array is written [1, 2]"),
             ("{'x': set()}", "1:7", "an array is written [1, 2]"),
             ("{'x': set([1)}", "1:7", "an array is written [1, 2]"),
+            ("{'x': >= 2}", "1:7", "`>=` is written {$gte: 1}"),
             ("{'x': red}", "1:7", "strings are written in quotes"),
         ] {
             let error = parse_document(&Source::new("<argument>", text)).unwrap_err().to_string();

@@ -29,6 +29,11 @@ pub fn parse_document(source: &Source) -> Result<Document, Diagnostic> {
 pub fn parse_pipeline(source: &Source) -> Result<Vec<Document>, Diagnostic> {
     let stages = parse_documents_of(source, "an aggregation stage").map_err(|error| {
         let start = scanner::skip(source.text(), 0, b"");
+        if source.text().as_bytes().get(start) == Some(&b'$') {
+            return error
+                .without_hints()
+                .hint("stages are written in brackets and braces: [{$match: {…}}, {$group: {…}}]");
+        }
         let is_row = source.text().as_bytes().get(start) == Some(&b'{') && parse_sequence(source).is_ok();
         if is_row {
             error.hint("several stages are written in brackets: [{$match: {…}}, {$group: {…}}]")

@@ -156,6 +156,9 @@ pub(super) fn hints(mistake: &Mistake<'_>) -> Vec<String> {
             let owner = expression.rsplit_once('.').map_or("boxes", |(owner, _)| owner);
             vec![format!("how many there are is a filter: write {{{{ {owner}|length }}}}")]
         }
+        ErrorKind::UndefinedError if *expression == "goal" => {
+            vec!["give the goal with --goal, as in --goal '(on A B)'".to_owned()]
+        }
         ErrorKind::UndefinedError if CLOCKS.contains(expression) => vec![clock()],
         ErrorKind::UndefinedError if missing.is_none() && expression.starts_with("query(") => {
             vec!["a query gives a list: take its first document with find_one(…), or loop over it".to_owned()]
