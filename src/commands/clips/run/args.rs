@@ -72,7 +72,7 @@ As in Fawkes, for the files of a program: (path-load FILE), also as path-load* p
 --path, of the programs, and the current one; (path-resolve FILE), also as resolve-file, gives its path or FALSE;
 (path-add DIR …) (path-add-subst WHAT BY) (path-get), also as get-clips-dirs. (config-load PREFIX), also as load-config, asserts
 (confval (path \"/a/b\") (type T) (value V)) for the values of --values below PREFIX, and (config-load FILE PREFIX), as in
-the CLIPS executive, those of another YAML file
+the CLIPS executive, those of another YAML file. (ff-feature-request robot_memory) is TRUE and asserts (ff-feature-loaded robot_memory)
 
 As in CLIPS 6.30: length, and length$ of texts. A function that a program defines itself takes the place of one of this list, and of one
 that is new in CLIPS 6.40, such as str-replace.";
