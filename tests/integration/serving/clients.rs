@@ -332,6 +332,18 @@ fn map_reduced() -> Result<(), Failed> {
     assert_eq!(all()?, [result("cup", 10.0), result("plate", 5.0)]);
     assert_eq!(code(run(doc! { "replace": "sums", "db": "b" }.into())), Some(115));
     assert_eq!(code(run(doc! {}.into())), Some(2));
+    // Keys are the same as the collection compares, or as the command says.
+    a.run_command(doc! { "create": "mixed", "collation": { "locale": "en", "strength": 2 } }).run()?;
+    let mixed = [("cup", 2), ("Cup", 5)].map(|(name, n)| doc! { "name": name, "n": n });
+    a.collection("mixed").insert_many(mixed).run()?;
+    let mut alike = command(doc! { "inline": 1 }.into());
+    alike.insert("mapReduce", "mixed");
+    let keys = |command: &Document| -> Result<usize, Failed> {
+        Ok(a.run_command(command.clone()).run()?.get_array("results")?.len())
+    };
+    assert_eq!(keys(&alike)?, 1);
+    alike.insert("collation", doc! { "locale": "simple" });
+    assert_eq!(keys(&alike)?, 2);
     let mut hunting = command("sums".into());
     hunting.insert("hunt", 1);
     assert_eq!(code(a.run_command(hunting).run()), Some(40415));
