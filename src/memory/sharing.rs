@@ -61,7 +61,7 @@ impl Memory {
     /// # Errors
     /// Where the store fails.
     pub fn collation(&self, ns: &Namespace) -> Result<Option<Collation>, StoreError> {
-        Ok(index::collation(&self.indexes(ns)?))
+        Ok(index::collation(&self.routes.reading(ns)?.indexes(ns)?))
     }
 
     /// Runs operations on the store that a collection is in as one write; see [`Store::atomically`].
