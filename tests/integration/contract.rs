@@ -57,6 +57,7 @@ const CASES: &[(&str, Case)] = cases![
     an_upsert_that_matches_updates,
     modifiers_apply_to_every_operation,
     a_collection_has_a_collation_that_everything_inherits,
+    slopes_and_areas_have_the_types_of_what_they_are_made_of,
     words_are_searched_by_a_text_index,
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
@@ -638,6 +639,41 @@ fn a_collection_has_a_collation_that_everything_inherits(store: &dyn Store, ns: 
 fn ids_of(store: &dyn Store, ns: &Namespace, filter: Document) -> Vec<String> {
     let found = found(store, ns, &Find { filter, ..Find::default() });
     found.iter().map(|found| found.get_str("_id").unwrap().to_owned()).collect()
+}
+
+/// The answers are mongod's.
+fn slopes_and_areas_have_the_types_of_what_they_are_made_of(store: &dyn Store, ns: &Namespace) {
+    let decimal = |text: &str| Bson::Decimal128(text.parse().unwrap());
+    let documents = [Bson::Int32(1), Bson::Int32(2), decimal("3")].into_iter().zip([0, 10, 20]).map(|(value, x)| {
+        doc! { "_id": x, "x": x, "at": instant(i64::from(x) * 1_000), "v": value }
+    });
+    insert(store, ns, documents);
+    let values = |name: &str, by: &str, unit: Option<&str>| -> Vec<Bson> {
+        let mut argument = doc! { "input": "$v" };
+        argument.extend(unit.map(|unit| ("unit".to_owned(), unit.into())));
+        let window = doc! { "documents": ["unbounded", "current"] };
+        let output = doc! { "value": { name: argument, "window": window } };
+        let stages = [doc! { "$setWindowFields": { "sortBy": { by: 1 }, "output": output } }];
+        let found = store.aggregate(ns, (&stages).into()).unwrap();
+        found.map(|found| Document::try_from(&*found.unwrap()).unwrap().remove("value").unwrap()).collect()
+    };
+    let zero = Bson::Double(0.0);
+    assert_eq!(values("$integral", "x", None), [Bson::Int32(0), 15.0.into(), decimal("40")]);
+    assert_eq!(values("$integral", "at", Some("second")), [zero.clone(), 15.0.into(), decimal("40")]);
+    let hours = decimal("0.01111111111111111111111111111111111");
+    assert_eq!(values("$integral", "at", Some("hour")), [zero, 0.004_166_666_666_666_667.into(), hours]);
+    assert_eq!(values("$derivative", "x", None), [Bson::Null, 0.1.into(), decimal("0.1")]);
+    assert_eq!(values("$derivative", "at", Some("second")), [Bson::Null, 0.1.into(), decimal("0.1000")]);
+    for (value, codes) in [(Bson::Null, [5_423_900, 5_624_903]), ("x".into(), [5_423_900, 14])] {
+        store.put(ns, vec![doc! { "_id": 0, "x": 0, "v": value }], None).unwrap();
+        for (name, code_of) in ["$integral", "$derivative"].into_iter().zip(codes) {
+            let window = doc! { "documents": ["unbounded", "current"] };
+            let output = doc! { "value": { name: { "input": "$v" }, "window": window } };
+            let stages = [doc! { "$setWindowFields": { "sortBy": { "x": 1 }, "output": output } }];
+            let done = store.aggregate(ns, (&stages).into()).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+            assert_eq!(code(done), code_of, "{name}");
+        }
+    }
 }
 
 fn words_are_searched_by_a_text_index(store: &dyn Store, ns: &Namespace) {

@@ -6,12 +6,13 @@ use super::bounds::Moving;
 use super::column::{Column, evaluate};
 use super::member::{Member, number, wrong};
 use super::partition::Partition;
-use super::real::Real;
+use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::decimal::Decimal;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, Unit, Value};
 use crate::query::number::Number;
 use crate::query::pipeline::run::Run;
+use crate::query::statistics::Sum;
 
 pub(super) fn is_null(value: Option<&Bson>) -> bool {
     matches!(value, None | Some(Bson::Null | Bson::Undefined))
@@ -72,87 +73,100 @@ impl Slope {
             };
             let ends = (self.point(partition, window.start, run)?, self.point(partition, last, run)?);
             let (Some(first), Some(last)) = ends else { return Ok(Some(Bson::Null)) };
-            slope(&first, &last, window.len()).map(Some)
+            slope(&first, &last, window.len(), self.unit).map(Some)
         })
     }
 
     fn areas<'a, E>(&'a self, mut windows: Moving<'a>) -> Column<'a, E> {
-        let (mut area, mut done) = (Area::default(), 0..0);
+        let empty = || Area { unit: self.unit, ..Area::default() };
+        let (mut area, mut done) = (empty(), 0..0);
         Box::new(move |partition, index, run| {
             self.point(partition, index, run)?;
             let window = windows.at(partition, index)?;
             if window.start != done.start || window.end < done.end {
-                (area, done) = (Area::default(), window.start..window.start);
+                (area, done) = (empty(), window.start..window.start);
             }
             for number in done.end..window.end {
                 let Some((x, y)) = self.point(partition, number, run)? else { break };
-                area.add(x, y.as_ref());
+                area.add(x, y.as_ref())?;
             }
             done = window;
             Ok(Some(area.value()))
         })
     }
 
-    fn point<E>(&self, partition: &Partition<'_>, index: usize, run: &Run<'_, E>) -> Result<Option<(Real, Value)>> {
+    fn point<E>(&self, partition: &Partition<'_>, index: usize, run: &Run<'_, E>) -> Result<Option<(Number, Value)>> {
         let Some(member) = partition.get(index)? else { return Ok(None) };
         Ok(Some((self.at(&member)?, evaluate(&self.input, &member, run)?)))
     }
 
-    /// The place of a document: a number, or a date in units.
-    fn at(&self, member: &Member) -> Result<Real> {
+    /// The place of a document: a number, or of a date its milliseconds.
+    fn at(&self, member: &Member) -> Result<Number> {
         match (member.at.as_ref(), self.unit) {
-            #[expect(clippy::cast_precision_loss, reason = "as mongod divides")]
-            (Some(Bson::DateTime(date)), Some(unit)) => {
-                Ok(Real::Double(date.timestamp_millis() as f64 / unit.millis() as f64))
-            }
+            (Some(Bson::DateTime(date)), Some(_)) => Ok(Number::Long(date.timestamp_millis())),
             (_, Some(_)) => Err(QueryError::invalid(5_624_900, "a sortBy with a 'unit' must give dates")),
             (Some(Bson::DateTime(_)), None) => Err(QueryError::invalid(5_624_901, "a sortBy of dates needs a 'unit'")),
-            (at, None) => match number(at) {
-                Some(number) => Ok(number.into()),
-                None => Err(QueryError::invalid(5_624_902, "the sortBy must give numbers or dates")),
-            },
+            (at, None) => {
+                number(at).ok_or_else(|| QueryError::invalid(5_624_902, "the sortBy must give numbers or dates"))
+            }
         }
     }
 }
 
-/// The slope between two of so many points.
-fn slope((x1, y1): &(Real, Value), (x2, y2): &(Real, Value), count: usize) -> Result<Bson> {
+/// The slope between two of so many points, whose places are so many units.
+fn slope((x1, y1): &(Number, Value), (x2, y2): &(Number, Value), count: usize, unit: Option<Unit>) -> Result<Bson> {
     let (Some(y1), Some(y2)) = (number(y1.as_ref()), number(y2.as_ref())) else {
-        return match is_null(y1.as_ref()) || is_null(y2.as_ref()) {
-            true => Ok(Bson::Null),
-            false => Err(QueryError::invalid(5_624_903, "the input of $derivative must be numbers")),
-        };
+        let code = if is_null(y1.as_ref()) || is_null(y2.as_ref()) { 5_624_903 } else { 14 };
+        return Err(QueryError::invalid(code, "the input of $derivative must be numbers"));
     };
-    let width = x2.minus(*x1);
-    if count < 2 || matches!(width, Real::Double(0.0)) {
+    let width = subtract(*x2, *x1, Overflow::Double)?;
+    if count < 2 || width.is_zero() {
         return Ok(Bson::Null);
     }
-    Ok(Real::from(y2).minus(y1.into()).over(width).into())
+    let slope = quotient(subtract(y2, y1, Overflow::Double)?, width);
+    // mongod counts dates in milliseconds, which decimals show.
+    let slope = unit.map_or(Ok(slope), |unit| multiply(slope, Number::Long(unit.millis()), Overflow::Double))?;
+    Ok(slope.into())
 }
 
-/// The area under points, by trapezoids; what is no number is left out.
+/// The area under points, by trapezoids.
 #[derive(Debug, Default)]
 struct Area {
-    sum: Option<Real>,
-    last: Option<(Real, Real)>,
+    sum: Sum,
+    last: Option<(Number, Number)>,
+    has_area: bool,
+    unit: Option<Unit>,
 }
 
 impl Area {
-    fn add(&mut self, x: Real, y: Option<&Bson>) {
-        let Some(y) = number(y).map(Real::from) else { return };
+    fn add(&mut self, x: Number, y: Option<&Bson>) -> Result<()> {
+        let y = number(y).ok_or_else(|| QueryError::invalid(5_423_900, "the input of $integral must be numbers"))?;
         if let Some((before, height)) = self.last {
-            let sum = self.sum.unwrap_or(Real::Double(0.0));
-            self.sum = Some(sum.plus(x.minus(before).times(height.plus(y)).over(Real::Double(2.0))));
+            let (width, heights) = (subtract(x, before, Overflow::Double)?, add(height, y, Overflow::Double)?);
+            // By a double, as in mongod: as a divisor it gives decimals their exponent.
+            self.sum.add(quotient(multiply(width, heights, Overflow::Double)?, Number::Double(2.0)));
+            self.has_area = true;
         }
         self.last = Some((x, y));
+        Ok(())
     }
 
     fn value(&self) -> Bson {
-        match (self.last, self.sum) {
-            (None, _) => Bson::Null,
-            (Some(_), None) => Bson::Int32(0),
-            (Some(_), Some(sum)) => sum.into(),
-        }
+        let area = match self.last {
+            None => return Bson::Null,
+            Some(_) if self.has_area => self.sum.total(),
+            Some(_) => Number::Int(0),
+        };
+        self.unit.map_or(area, |unit| quotient(area, Number::Long(unit.millis()))).into()
+    }
+}
+
+/// The quotient; with a decimal in it, a decimal.
+fn quotient(a: Number, b: Number) -> Number {
+    match (a, b) {
+        (Number::Decimal(a), b) => Number::Decimal(a.over(b.to_decimal())),
+        (a, Number::Decimal(b)) => Number::Decimal(a.to_decimal().over(b)),
+        (a, b) => Number::Double(a.to_double() / b.to_double()),
     }
 }
 
