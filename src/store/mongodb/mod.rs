@@ -7,6 +7,7 @@
 pub mod admin;
 
 mod client;
+mod dates;
 mod explain;
 mod failure;
 mod history;

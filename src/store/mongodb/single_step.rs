@@ -6,7 +6,7 @@
 
 use bson::{Bson, DateTime, Document, doc};
 
-use super::update::add_field;
+use super::dates::add_field;
 use crate::query::{QueryError, type_name};
 use crate::store::metadata::{INFO, UPDATED};
 use crate::store::{UpdateRequest, UpdateSpec};

@@ -16,6 +16,7 @@ use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
+use super::dates::{add_field, inserted, path};
 use super::{MongoDb, single_step};
 use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update};
@@ -343,16 +344,6 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
 }
 
 /// Adds a date to the fields of an operator.
-pub(super) fn add_field(update: &mut Document, operator: &str, key: &str, at: DateTime) -> Result<(), QueryError> {
-    match update.entry(operator.to_owned()).or_insert_with(|| Bson::Document(Document::new())) {
-        Bson::Document(fields) => {
-            fields.insert(path(key), at);
-            Ok(())
-        }
-        _ => Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields"))),
-    }
-}
-
 /// A replacement whose metadata is the application's, when it was made, and when the
 /// document was inserted.
 fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
@@ -360,12 +351,4 @@ fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryErr
     let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: at }] };
     let whole = doc! { "$mergeObjects": [{ "_id": "$_id" }, { "$literal": document }, { INFO: info }] };
     Ok(UpdateSpec::Pipeline(vec![doc! { "$replaceWith": whole }]))
-}
-
-fn inserted(at: DateTime) -> Document {
-    doc! { "$ifNull": [format!("${}", path(INSERTED)), at] }
-}
-
-fn path(key: &str) -> String {
-    format!("{INFO}.{key}")
 }
