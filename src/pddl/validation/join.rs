@@ -3,91 +3,16 @@
 
 use std::cell::Cell;
 use std::collections::HashMap;
-use std::ops::Range;
 
 use super::error::EvaluationError;
+use super::goal::{Goal, Kind};
 use super::index::{Candidates, Index};
 use super::state::{Bindings, Ground, State, UNBOUND};
-use super::stratum::free_slots;
-use crate::pddl::model::{Arg, Fact, Formula, Quantifier};
+use crate::pddl::model::{Arg, Fact, Formula};
 use crate::pddl::types::TypeSet;
 
 /// What to do with each solution; true ends the search.
 type Visit<'v> = dyn FnMut(&mut Bindings) -> Result<bool, EvaluationError> + 'v;
-
-/// A condition prepared to be solved.
-pub(super) struct Goal {
-    kind: Kind,
-    /// The variables from outside that it mentions.
-    free: Vec<u32>,
-    /// The numbers of the facts in it.
-    facts: Range<usize>,
-}
-
-enum Kind {
-    Fact(Fact),
-    Same(Arg, Arg),
-    All(Vec<Goal>),
-    Any(Vec<Goal>),
-    Exists(Quantifier, Box<Goal>),
-    /// What is looked at when its variables have values.
-    Test(Formula),
-}
-
-impl Goal {
-    /// Prepares a condition with so many variables.
-    pub(super) fn new(formula: &Formula, variables: usize) -> Self {
-        Self::number(formula, u32::try_from(variables).unwrap_or(u32::MAX), &mut 0)
-    }
-
-    fn number(formula: &Formula, scope: u32, count: &mut usize) -> Self {
-        let first = *count;
-        let kind = match formula {
-            Formula::Fact(fact) => {
-                *count += 1;
-                Kind::Fact(fact.clone())
-            }
-            Formula::Same(left, right) if *left != Arg::Fluent && *right != Arg::Fluent => Kind::Same(*left, *right),
-            Formula::And(parts) => {
-                let parts = parts.iter().map(|part| Self::number(part, scope, count));
-                Kind::All(parts.flat_map(Self::parts).collect())
-            }
-            Formula::Or(parts) => Kind::Any(parts.iter().map(|part| Self::number(part, scope, count)).collect()),
-            Formula::Exists(quantifier, inner) => {
-                let end =
-                    quantifier.first.saturating_add(u32::try_from(quantifier.variables.len()).unwrap_or(u32::MAX));
-                Kind::Exists(quantifier.clone(), Box::new(Self::number(inner, end, count)))
-            }
-            other => Kind::Test(other.clone()),
-        };
-        let mut free = Vec::new();
-        free_slots(formula, scope, &mut free);
-        Self { kind, free, facts: first..*count }
-    }
-
-    /// The parts of a conjunction, or the goal itself.
-    fn parts(self) -> Vec<Self> {
-        match self.kind {
-            Kind::All(parts) => parts,
-            _ => vec![self],
-        }
-    }
-
-    /// Calls `fact` with the facts to be joined and their numbers, and `test` with the conditions that are only looked at.
-    pub(super) fn each_part(&self, fact: &mut dyn FnMut(usize, &Fact), test: &mut dyn FnMut(&Formula)) {
-        match &self.kind {
-            Kind::Fact(known) => fact(self.facts.start, known),
-            Kind::Same(..) => {}
-            Kind::All(parts) | Kind::Any(parts) => parts.iter().for_each(|part| part.each_part(fact, test)),
-            Kind::Exists(_, inner) => inner.each_part(fact, test),
-            Kind::Test(formula) => test(formula),
-        }
-    }
-
-    fn is_closed(&self, bindings: &Bindings) -> bool {
-        self.free.iter().all(|slot| is_bound(*slot, bindings))
-    }
-}
 
 /// The facts that came last: a solution is wanted only where the pivot is one of them.
 pub(super) struct News<'n> {
@@ -163,7 +88,7 @@ impl<'j, 'a> Join<'j, 'a> {
             Kind::Fact(fact) => self.solve_fact(goal.facts.start, fact, kinds, bindings, visit),
             Kind::Same(left, right) => self.solve_same(*left, *right, kinds, bindings, visit),
             Kind::All(parts) => self.solve_all(&parts.iter().collect::<Vec<_>>(), kinds, bindings, visit),
-            Kind::Any(_) | Kind::Exists(..) if goal.is_closed(bindings) => {
+            Kind::Any(_) | Kind::Exists(..) if is_closed(goal, bindings) => {
                 // One way in which it holds is enough.
                 let holds = self.solve_open(goal, kinds, bindings, &mut |_| Ok(true))?;
                 if holds { visit(bindings) } else { Ok(false) }
@@ -234,7 +159,7 @@ impl<'j, 'a> Join<'j, 'a> {
         if self.has_pivot(goal) {
             return (0, 0);
         }
-        let is_closed = goal.is_closed(bindings);
+        let is_closed = is_closed(goal, bindings);
         match &goal.kind {
             Kind::Fact(_) | Kind::Same(..) if is_closed => (1, 0),
             Kind::Test(formula) if is_closed && is_plain(formula) => (2, 0),
@@ -399,6 +324,11 @@ impl<'j, 'a> Join<'j, 'a> {
         }
         Ok(stopped)
     }
+}
+
+/// Whether all variables from outside have values.
+fn is_closed(goal: &Goal, bindings: &Bindings) -> bool {
+    goal.free.iter().all(|slot| is_bound(*slot, bindings))
 }
 
 fn is_bound(slot: u32, bindings: &Bindings) -> bool {

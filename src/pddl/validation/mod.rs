@@ -12,10 +12,12 @@
 mod change;
 mod derive;
 mod error;
+mod goal;
 mod happening;
 mod index;
 mod join;
 mod preference;
+mod program;
 mod record;
 mod repair;
 mod simulation;

@@ -4,8 +4,8 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
-use super::derive::Program;
 use super::error::EvaluationError;
+use super::program::Program;
 use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
 use super::trace::Happening;
