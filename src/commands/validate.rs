@@ -116,7 +116,7 @@ impl CheckedPlan {
         let text = Source::new(file.name(), names::spell_plan(file.text()));
         let file_plan = read_plan(&text)?;
         let (is_printed, claim) = (file_plan.is_printed, file_plan.cost);
-        let mut plan = Plan::from(file_plan).timed_as(domain);
+        let mut plan = Plan::from(file_plan).timed_as(domain, problem);
         let mut verdict = validate(domain, problem, &plan.steps);
         if is_printed && matches!(verdict, Validation::Invalid(_)) {
             (plan, verdict) = spaced(&plan, &Task { domain, problem }).unwrap_or((plan, verdict));

@@ -125,6 +125,17 @@ impl Problem {
         })
     }
 
+    /// Whether time is a part of the task: actions take some, something happens by itself or has to be done within some, or
+    /// plans that end early are better.
+    #[must_use]
+    pub fn is_timed(&self, domain: &Domain) -> bool {
+        let mut used = domain.features().iter().chain(self.features());
+        domain.is_temporal()
+            || !self.start.timed.is_empty()
+            || used.any(|used| used.feature == Feature::Constraints)
+            || self.metric.as_ref().is_some_and(counts_time)
+    }
+
     /// The times of its timed initial literals, in no order.
     pub fn timed(&self) -> impl Iterator<Item = f64> {
         self.start.timed.iter().map(|(time, _, _)| *time)
@@ -230,6 +241,15 @@ fn is_cost(number: &Number, domain: &Domain) -> bool {
         Number::Constant(_) | Number::TotalTime | Number::Violations(_) => true,
         Number::Operation(_, operands) => operands.iter().all(|operand| is_cost(operand, domain)),
         Number::Duration | Number::Elapsed => false,
+    }
+}
+
+/// Whether a metric has a part that is the time of the plan.
+fn counts_time(number: &Number) -> bool {
+    match number {
+        Number::TotalTime => true,
+        Number::Operation(_, operands) => operands.iter().any(counts_time),
+        _ => false,
     }
 }
 

@@ -419,7 +419,7 @@ fn conclude(
     let crash = crash(&ended.end);
     match answer.verdict {
         Verdict::Plan if crash.is_none() || (keeps && ended.out_of_memory) => {
-            (Outcome::Plan(restored(answer, sent).timed_as(task.domain)), String::new())
+            (Outcome::Plan(restored(answer, sent).timed_as(task.domain, task.problem)), String::new())
         }
         Verdict::Unsolvable if crash.is_none() && !planner.proves() => {
             (Outcome::GaveUp, format!("{} (its search proves nothing)", answer.message))

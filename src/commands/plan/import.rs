@@ -52,14 +52,14 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let text = Source::new(file.name(), names::spell_plan(file.text()));
     let found = read_plan(&text)?;
     let is_printed = found.is_printed;
-    let plan = Plan::from(found).timed_as(&domain);
+    let plan = Plan::from(found);
     let memory = context.memory()?;
     let task = PlanningTask::instantiate(&source, None, &domain, &memory);
     let sections = SectionCounts::from(&args.task.options);
     sections.report(task.as_ref(), &memory, context)?;
     let task = task?;
     sections.warn(&domain, &task, context);
-    let mut plan = plan.spelled(domain.tree(), task.problem.tree());
+    let mut plan = plan.timed_as(&domain, &task.problem).spelled(domain.tree(), task.problem.tree());
     let mut verdict = validate(&domain, &task.problem, &plan.steps);
     if is_printed && matches!(verdict, Validation::Invalid(_)) {
         let pddl = Task { domain: &domain, problem: &task.problem };

@@ -4,6 +4,7 @@ mod spacing;
 mod spelling;
 
 use super::domain::Domain;
+use super::problem::Problem;
 use crate::formats::plan::{Action, PlanFile};
 
 /// One ground action of a plan, as a planner or a file named it.
@@ -43,9 +44,16 @@ impl Plan {
 }
 
 impl Plan {
-    /// The same plan without durations of actions that take no time, which some planners print.
+    /// The same plan without what planners print of time and the task does not have: durations of actions that take none, and
+    /// all times where time is no part of the task; then the steps are in order.
     #[must_use]
-    pub fn timed_as(mut self, domain: &Domain) -> Self {
+    pub fn timed_as(mut self, domain: &Domain, problem: &Problem) -> Self {
+        let start = |step: &Step| step.start.unwrap_or_default();
+        if !problem.is_timed(domain) && self.makespan().is_some() {
+            self.steps.sort_by(|a, b| start(a).total_cmp(&start(b)));
+            self.steps.iter_mut().for_each(|step| (step.start, step.duration) = (None, None));
+            return self;
+        }
         for step in &mut self.steps {
             if domain.action(&step.action).is_some_and(|action| !action.is_durative()) {
                 step.duration = step.duration.map(|_| 0.0);
