@@ -42,8 +42,8 @@ enum Ask {
 pub(super) struct Snapshot(Sender<Ask>);
 
 impl Snapshot {
-    /// Whether nothing was written since it began. It ends.
-    pub(super) fn is_current(self) -> bool {
+    /// Ends it, and says whether nothing was written since it began.
+    pub(super) fn end(self) -> bool {
         let (reply, answer) = channel();
         self.0.send(Ask::IsCurrent(reply)).is_ok() && answer.recv_timeout(CHECK_TIMEOUT).unwrap_or(false)
     }

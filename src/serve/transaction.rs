@@ -154,7 +154,7 @@ impl Open {
     }
 
     fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: First, reply: &Mailbox) -> End {
-        if first.snapshot.is_some_and(|snapshot| !snapshot.is_current()) {
+        if first.snapshot.is_some_and(|snapshot| !snapshot.end()) {
             let message = "something was written since the transaction began to read; begin it again";
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Abort(None);
