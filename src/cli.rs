@@ -49,14 +49,26 @@ pub fn command() -> clap::Command {
 /// # Errors
 /// Where it is wrong; also for `--help` and `--version`, with their text.
 pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -> String) -> Result<Cli, Error> {
-    let command = command();
-    let matches = command.clone().try_get_matches_from(args).map_err(|error| match error.use_stderr() {
-        true => tips::with_tip(error, &database()),
-        false => error,
-    })?;
+    let args: Vec<OsString> = args.into_iter().collect();
+    // What helps make of the description takes longer than to parse a line, which needs none of it.
+    let mut plain = with_formats(Cli::command());
+    let (command, matches) = match plain.try_get_matches_from_mut(&args) {
+        Ok(matches) => (plain, matches),
+        Err(_) => told(args, database)?,
+    };
     let (name, formats) = called(&command, &matches);
     check_format(&name, &formats, &matches)?;
     Ok(Cli { name, formats, ..Cli::from_arg_matches(&matches)? })
+}
+
+/// Parses a command line that is wrong or asks for help, to say so.
+fn told(args: Vec<OsString>, database: impl FnOnce() -> String) -> Result<(clap::Command, ArgMatches), Error> {
+    let mut command = command();
+    match command.try_get_matches_from_mut(args) {
+        Ok(matches) => Ok((command, matches)),
+        Err(error) if error.use_stderr() => Err(tips::with_tip(error, &database())),
+        Err(error) => Err(error),
+    }
 }
 
 /// Returns the names of the command and its subcommands, and the formats that it has.

@@ -1,5 +1,6 @@
 //! Problems: objects, the initial state, the goal — resolved and checked against a domain.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 
@@ -310,9 +311,9 @@ impl Start {
 
     fn add_value(&mut self, target: &Term, value: &Expression, resolver: &mut Resolver<'_, '_, '_>) {
         let atom = match target {
-            Term::Call(atom) => (**atom).clone(),
+            Term::Call(atom) => Cow::Borrowed(&**atom),
             Term::Name(name) | Term::Variable(name) => {
-                Atom { name: name.clone(), arguments: Vec::new(), place: Place(name.span()) }
+                Cow::Owned(Atom { name: name.clone(), arguments: Vec::new(), place: Place(name.span()) })
             }
         };
         let functions = &resolver.vocabulary.functions;

@@ -1,6 +1,6 @@
 //! The names of a task, as every planner understands them.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use crate::formats::pddl::ast::{Domain, Problem};
 
@@ -31,6 +31,8 @@ pub(super) struct Names<'a> {
     applied: HashSet<String>,
     /// Functions without arguments.
     constants: HashSet<String>,
+    /// How long their names are.
+    lengths: BTreeSet<usize>,
     /// Those of them that are objects, too.
     ambiguous: HashSet<String>,
     /// Lower-case names to what is sent for them, where that is something else.
@@ -59,7 +61,8 @@ impl<'a> Names<'a> {
         let names = names.chain(actions).map(|name| name.as_str().to_lowercase()).chain(applied.iter().cloned());
         let taken =
             names.filter(|name| is_plain(name)).chain(ADDED.map(str::to_owned)).chain(["object".to_owned()]).collect();
-        Self { known, numbers, applied, constants, ambiguous, renamed: HashMap::new(), taken }
+        let lengths = constants.iter().map(String::len).collect();
+        Self { known, numbers, applied, constants, lengths, ambiguous, renamed: HashMap::new(), taken }
     }
 
     /// What is sent for a name that has been written.
@@ -70,11 +73,16 @@ impl<'a> Names<'a> {
 
     /// Whether a word in a list that starts with `head` is a function without its brackets.
     pub(super) fn is_bare(&self, word: &str, head: Head) -> bool {
-        if !matches!(head, Head::Counting | Head::Equal) {
+        if !matches!(head, Head::Counting | Head::Equal) || self.is_no_constant(word) {
             return false;
         }
         let name = word.to_lowercase();
         self.constants.contains(&name) && !(head == Head::Equal && self.ambiguous.contains(&name))
+    }
+
+    /// Whether a word has a length that no function without arguments has, as most words do.
+    fn is_no_constant(&self, word: &str) -> bool {
+        word.is_ascii() && !self.lengths.contains(&word.len())
     }
 
     /// Whether a requirement is written.

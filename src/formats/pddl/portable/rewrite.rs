@@ -63,7 +63,7 @@ impl Rewrite<'_, '_> {
         while let Some(first) = rest.chars().next() {
             let length = match is_delimiter(first) {
                 true => first.len_utf8(),
-                false => rest.find(is_delimiter).unwrap_or(rest.len()),
+                false => word_length(rest),
             };
             let (word, after) = rest.split_at(length);
             rest = after;
@@ -112,6 +112,17 @@ impl Rewrite<'_, '_> {
         } else {
             self.written.push_str(&self.names.word(word, head));
         }
+    }
+}
+
+/// How long the word is that a text begins with, in bytes.
+fn word_length(text: &str) -> usize {
+    let ends = |byte: &u8| matches!(byte, b'(' | b')' | b' ' | b'\t'..=b'\r') || !byte.is_ascii();
+    match text.bytes().position(|byte| ends(&byte)) {
+        // Other white space has several bytes.
+        Some(end) if !text.as_bytes()[end].is_ascii() => text.find(is_delimiter).unwrap_or(text.len()),
+        Some(end) => end,
+        None => text.len(),
     }
 }
 
