@@ -8,8 +8,8 @@ use std::time::Instant;
 use super::call::Call;
 use super::failure::{Answer, Failure, codes};
 use super::mailbox::Mailbox;
-use super::reading::Snapshot;
 use super::session::{Once, SessionId};
+use super::snapshot::Snapshot;
 use crate::memory::Memory;
 use crate::store::Namespace;
 

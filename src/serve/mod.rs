@@ -37,6 +37,7 @@ mod retry;
 mod running;
 mod server;
 mod session;
+mod snapshot;
 mod stream;
 pub mod systemd;
 mod tls;

@@ -3,132 +3,28 @@
 //! With its first write a transaction goes on in the writer's thread, if nothing was written since its snapshot; else
 //! it is a write conflict, and the client begins again. Its cursors stay where they are.
 
-use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::call::Call;
-use super::command;
 use super::failure::{Answer, Failure, codes};
 use super::host::{Host, Lazy};
-use super::mailbox::Mailbox;
 use super::panic;
 use super::server::{Server, thread};
-use super::session::{Finished, How, Once, SessionId, TRANSACTION_LIMIT};
-use super::transaction::{none, superseded};
+use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none};
+use super::snapshot::{Ask, Reading, Snapshot};
 use crate::store::{Namespace, StoreError};
 
 /// At most so many have a thread; others read in the writer's.
 const MOST: usize = 200;
 /// How often a thread looks whether its time is over.
 const SLICE: Duration = Duration::from_millis(200);
-/// How long the writer waits to hear whether a snapshot is current.
-const CHECK_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// What a thread is asked.
-enum Ask {
-    Run {
-        call: Arc<Call>,
-        reply: Mailbox,
-    },
-    /// Reads cursors to their end, and gives their numbers: the snapshot is going to end.
-    Settle(Sender<HashSet<i64>>),
-    /// Ends the snapshot, and says whether nothing was written since it began.
-    IsCurrent(Sender<bool>),
-}
-
-/// The snapshot of a transaction that wants to write.
-pub(super) struct Snapshot(Sender<Ask>);
-
-impl Snapshot {
-    /// Ends it, and says whether nothing was written since it began.
-    pub(super) fn end(self) -> bool {
-        let (reply, answer) = channel();
-        self.0.send(Ask::IsCurrent(reply)).is_ok() && answer.recv_timeout(CHECK_TIMEOUT).unwrap_or(false)
-    }
-}
-
-/// A transaction that has a thread.
-struct Reading {
-    number: i64,
-    asks: Sender<Ask>,
-    /// The cursors that the thread has, once everything else is done by the writer.
-    moved: Option<HashSet<i64>>,
-}
-
-/// The transactions that have a thread, by their sessions.
-#[derive(Default)]
-pub(super) struct Readings(Mutex<HashMap<SessionId, Reading>>);
-
-impl Readings {
-    /// Ends those of sessions.
-    pub(super) fn end_all(&self, is_meant: impl Fn(&SessionId) -> bool) {
-        self.lock().retain(|session, _| !is_meant(session));
-    }
-
-    /// Ends the transaction of a session, where it has a number below this one.
-    pub(super) fn end_before(&self, once: &Once) {
-        let mut readings = self.lock();
-        if readings.get(&once.session).is_some_and(|reading| reading.number < once.number) {
-            readings.remove(&once.session);
-        }
-    }
-
-    /// Ends a transaction; says whether it has only read.
-    pub(super) fn end(&self, once: &Once) -> bool {
-        let mut readings = self.lock();
-        match readings.get(&once.session) {
-            Some(reading) if reading.number == once.number => {
-                readings.remove(&once.session).is_some_and(|reading| reading.moved.is_none())
-            }
-            _ => false,
-        }
-    }
-
-    /// Whether a transaction has a thread.
-    pub(super) fn has(&self, once: &Once) -> bool {
-        self.lock().get(&once.session).is_some_and(|reading| reading.number == once.number)
-    }
-
-    /// Whether the thread of a transaction has a cursor, though the writer does everything else.
-    pub(super) fn keeps_cursor(&self, once: &Once, cursor: i64) -> bool {
-        let readings = self.lock();
-        let moved = readings.get(&once.session).filter(|reading| reading.number == once.number);
-        moved.and_then(|reading| reading.moved.as_ref()).is_some_and(|cursors| cursors.contains(&cursor))
-    }
-
-    /// Asks the thread of a transaction that has only read; where there is none, says so.
-    fn ask(&self, once: &Once, ask: Ask) -> Result<bool, Failure> {
-        let readings = self.lock();
-        match readings.get(&once.session) {
-            Some(reading) if reading.number > once.number => Err(superseded(once, reading.number)),
-            Some(reading) if reading.number == once.number && reading.moved.is_none() => {
-                // The lock is held: a thread that ends answers what it was asked before.
-                Ok(reading.asks.send(ask).is_ok())
-            }
-            _ => Ok(false),
-        }
-    }
-
-    /// Has cursors read to their end, and returns the snapshot: from now on the writer does what the transaction does.
-    fn moved(&self, once: &Once) -> Option<Snapshot> {
-        let (reply, cursors) = channel();
-        self.ask(once, Ask::Settle(reply)).ok().filter(|is_asked| *is_asked)?;
-        let cursors = cursors.recv().ok()?;
-        let mut readings = self.lock();
-        let reading = readings.get_mut(&once.session).filter(|reading| reading.number == once.number)?;
-        reading.moved = Some(cursors);
-        Some(Snapshot(reading.asks.clone()))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, HashMap<SessionId, Reading>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// Runs a command where its transaction is.
+type Command = fn(&mut Host<'_>, &Call) -> Answer;
 
 /// Gives a transaction that begins with a read a thread, if there is room for it and its number is new.
-pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace) -> Result<(), Failure> {
+pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace, command: Command) -> Result<(), Failure> {
     if server.sessions.last(&once.session).is_some_and(|last| last.number >= once.number) {
         return Ok(());
     }
@@ -140,7 +36,7 @@ pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace) -> Result
         _ => {}
     }
     let (shared, own, ns) = (Arc::clone(server), once.clone(), ns.clone());
-    let work = move || live(&shared, &own, &ns, &asked);
+    let work = move || live(&shared, &own, (&ns, command), &asked);
     if thread("transaction").spawn(work).is_ok() {
         readings.insert(once.session.clone(), Reading { number: once.number, asks, moved: None });
     }
@@ -170,14 +66,14 @@ fn is_write(answer: &Answer) -> bool {
 }
 
 /// The thread of a transaction.
-fn live(server: &Arc<Server>, once: &Once, ns: &Namespace, asked: &Receiver<Ask>) {
+fn live(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command), asked: &Receiver<Ask>) {
     let memory = Lazy::of_connection(server);
     let until = Instant::now() + TRANSACTION_LIMIT;
     if let Ok(mut host) = Host::new(server, &memory, true) {
         let mut check = None;
         let is_current = host.memory().and_then(|memory| {
             let work = &mut || {
-                check = answer_all(&mut host, asked, until);
+                check = answer_all(&mut host, command, asked, until);
                 Ok::<_, StoreError>(())
             };
             memory.at_one_moment(ns, work).map_err(Failure::from)
@@ -201,11 +97,11 @@ fn live(server: &Arc<Server>, once: &Once, ns: &Namespace, asked: &Receiver<Ask>
 }
 
 /// Runs commands, until the transaction ends (nothing is returned), or it is asked whether its snapshot is current.
-fn answer_all(host: &mut Host<'_>, asked: &Receiver<Ask>, until: Instant) -> Option<Sender<bool>> {
+fn answer_all(host: &mut Host<'_>, command: Command, asked: &Receiver<Ask>, until: Instant) -> Option<Sender<bool>> {
     loop {
         match asked.recv_timeout(SLICE) {
             Ok(Ask::Run { call, reply }) => {
-                let answer = panic::caught(|| command::inside(host, &call));
+                let answer = panic::caught(|| command(host, &call));
                 let is_failed = answer.is_err() && !is_write(&answer);
                 reply.answer(answer);
                 if is_failed {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, Document, doc};
 
-use super::failure::{Failure, codes};
+use super::failure::{Failure, TRANSIENT, codes};
 use super::fields::Fields;
 
 /// How many minutes a session lives without being used, which drivers get.
@@ -128,4 +128,19 @@ impl Finished {
     pub(super) fn write(number: i64) -> Self {
         Self { number, how: How::Write, at: Instant::now() }
     }
+}
+
+/// The failure of a transaction whose session has begun a later one.
+pub(super) fn superseded(once: &Once, last: i64) -> Failure {
+    let message = format!("the session {} has begun transaction {last} since {}", once.session, once.number);
+    Failure::new(codes::TRANSACTION_TOO_OLD, message)
+}
+
+/// The failure of a transaction that is not open.
+pub(super) fn none(once: &Once) -> Failure {
+    let message = format!(
+        "Given transaction number {} does not match any in-progress transactions of session {}.",
+        once.number, once.session
+    );
+    Failure::new(codes::NO_TRANSACTION, message).labeled(TRANSIENT)
 }

@@ -17,9 +17,9 @@ use super::host::{self, Host};
 use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
 use super::panic;
-use super::reading::Snapshot;
 use super::retry;
-use super::session::{Finished, How, Once, TRANSACTION_LIMIT};
+use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, superseded};
+use super::snapshot::Snapshot;
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
@@ -66,11 +66,6 @@ fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -
     }
 }
 
-pub(super) fn superseded(once: &Once, last: i64) -> Failure {
-    let message = format!("the session {} has begun transaction {last} since {}", once.session, once.number);
-    Failure::new(codes::TRANSACTION_TOO_OLD, message)
-}
-
 /// Refuses transactions that have waited too long for another one that is open: whoever began both, one
 /// after the other, would wait for himself.
 fn refuse_overdue(desk: &mut Desk<'_>) {
@@ -85,14 +80,6 @@ fn refuse_overdue(desk: &mut Desk<'_>) {
 
 pub(super) fn started(once: &Once) -> Failure {
     Failure::new(codes::CONFLICT, format!("transaction {} has been started already", once.number))
-}
-
-pub(super) fn none(once: &Once) -> Failure {
-    let message = format!(
-        "Given transaction number {} does not match any in-progress transactions of session {}.",
-        once.number, once.session
-    );
-    Failure::new(codes::NO_TRANSACTION, message).labeled(TRANSIENT)
 }
 
 /// A transaction that is open.

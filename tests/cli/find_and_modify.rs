@@ -71,6 +71,8 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     error: the following required arguments were not provided:
       <UPDATE>
 
+      tip: the query stands before the update, '{}' for all documents; --remove needs no update
+
     Usage: rmem find-and-modify <NS> <QUERY> <UPDATE>
 
     For more information, try '--help'.

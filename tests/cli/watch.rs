@@ -335,7 +335,6 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
       |
     1 | {n: {$nope: 1}}
       |      ^^^^^
-      = hint: did you mean `$ne`?
     [exit code: 3]
     $ rmem watch a.b --count 0
     ------- stderr -------

@@ -201,7 +201,7 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
         if server.sessions.is_open(&once.session) {
             server.writer.submit(Job::abandon(vec![once.session.clone()]))?;
         }
-        reading::begin(&server, &once, &ns)?;
+        reading::begin(&server, &once, &ns, inside)?;
     }
     if let Some(Bson::Int64(cursor)) = call.request.target()
         && command.name == "getMore"

@@ -1,28 +1,46 @@
 //! Updates of one document that carry their metadata in one request.
 //!
 //! The metadata may be written only where a document changes. For two kinds of updates that needs no look at
-//! the document: those that change whatever they meet, and those that set fields of the document itself to
-//! values that the server can compare in a pipeline.
+//! the document: those that change whatever they meet, and those that set fields of a document with a known `_id` to
+//! values that the server can compare in a pipeline. What a pipeline does to a document that is not much larger than the
+//! change is a replacement for change streams, so that small documents are not updated by one.
 
-use bson::{Bson, DateTime, Document, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::dates::add_field;
 use crate::query::{QueryError, type_name};
 use crate::store::metadata::{INFO, UPDATED};
 use crate::store::{UpdateRequest, UpdateSpec};
 
-/// The update with its metadata, where one request can carry both.
-pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Option<UpdateSpec>, QueryError> {
+/// What a document has to have beyond twice the new values, so that a change of it is one for change streams.
+const SMALLEST: usize = 256;
+
+/// The request with its metadata, where one can carry both. Where it matches nothing or is refused, nothing is said yet.
+pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Option<UpdateRequest>, QueryError> {
     let UpdateSpec::Document(update) = &request.update else { return Ok(None) };
     if request.many || !request.array_filters.is_empty() {
         return Ok(None);
     }
+    let same = UpdateRequest { upsert: false, ..request.clone() };
     if update.iter().any(|(operator, fields)| always_changes(operator, fields)) {
         let mut update = update.clone();
         add_field(&mut update, "$set", UPDATED, at)?;
-        return Ok(Some(UpdateSpec::Document(update)));
+        return Ok(Some(UpdateRequest { update: UpdateSpec::Document(update), ..same }));
     }
-    Ok(plain_values(update).map(|values| UpdateSpec::Pipeline(compared(values, at))))
+    let (true, Some(values)) = (has_id(&request.filter), plain_values(update)) else { return Ok(None) };
+    let least = 2 * RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + SMALLEST;
+    let is_large = doc! { "$expr": { "$gte": [{ "$bsonSize": "$$ROOT" }, whole(least)] } };
+    let filter = doc! { "$and": [request.filter.clone(), is_large] };
+    Ok(Some(UpdateRequest { filter, update: UpdateSpec::Pipeline(compared(values, at)), ..same }))
+}
+
+/// Whether a filter can match one document only: another one is not taken for that which is too small.
+fn has_id(filter: &Document) -> bool {
+    match filter.get("_id") {
+        Some(Bson::Document(condition)) => condition.len() == 1 && condition.contains_key("$eq"),
+        Some(Bson::RegularExpression(_)) | None => false,
+        Some(_) => true,
+    }
 }
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
@@ -139,8 +157,9 @@ mod tests {
     #[test]
     fn one_request_carries_what_surely_changes_and_what_the_server_can_compare() {
         let kind = |update: Document| {
-            let request = UpdateRequest { update: UpdateSpec::Document(update), ..UpdateRequest::default() };
-            match with_metadata(&request, DateTime::from_millis(1)).unwrap() {
+            let filter = doc! { "_id": 1, "name": "a" };
+            let request = UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() };
+            match with_metadata(&request, DateTime::from_millis(1)).unwrap().map(|request| request.update) {
                 Some(UpdateSpec::Document(_)) => "sure",
                 Some(UpdateSpec::Pipeline(_)) => "compared",
                 None => "read",
@@ -174,6 +193,23 @@ mod tests {
             doc! { "$push": { "l": { "$each": [] } } },
         ] {
             assert_eq!(kind(read.clone()), "read", "{read}");
+        }
+    }
+
+    #[test]
+    fn what_is_compared_is_one_document() {
+        for (filter, expected) in [
+            (doc! { "_id": 1 }, true),
+            (doc! { "_id": { "$eq": 1 }, "a": 2 }, true),
+            (doc! { "_id": { "$gt": 1 } }, false),
+            (
+                doc! { "_id": Bson::RegularExpression(bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() }) },
+                false,
+            ),
+            (doc! { "name": "a" }, false),
+            (doc! {}, false),
+        ] {
+            assert_eq!(has_id(&filter), expected, "{filter}");
         }
     }
 }

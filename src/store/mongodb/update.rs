@@ -40,9 +40,13 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         metadata::check_update(&request.update)?;
-        let done = match single_step::with_metadata(request, at)? {
-            Some(update) => self.apply(ns, &UpdateRequest { update, upsert: false, ..request.clone() })?,
-            None => self.update_what_is_read(ns, request, at)?,
+        let single = single_step::with_metadata(request, at)?;
+        // A pipeline meets large documents only, and needs a newer server.
+        let is_pipeline = single.as_ref().is_some_and(|single| matches!(single.update, UpdateSpec::Pipeline(_)));
+        let done = match single.map(|single| self.apply(ns, &single)) {
+            Some(Ok(done)) if done.matched > 0 || !is_pipeline => done,
+            Some(Err(error)) if !is_pipeline || matches!(error, StoreError::Unreachable { .. }) => return Err(error),
+            _ => self.update_what_is_read(ns, request, at)?,
         };
         if done.matched > 0 || !request.upsert {
             return Ok(done);
