@@ -25,7 +25,9 @@ type Command = fn(&mut Host<'_>, &Call) -> Answer;
 
 /// Gives a transaction that begins with a read a thread, if there is room for it and its number is new.
 pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace, command: Command) -> Result<(), Failure> {
-    if server.sessions.last(&once.session).is_some_and(|last| last.number >= once.number) {
+    // One that came to a conflict is tried again by the writer, which no other write can disturb.
+    let keeps_out = |last: Finished| last.number >= once.number || last.how == How::Conflicted;
+    if server.sessions.last(&once.session).is_some_and(keeps_out) {
         return Ok(());
     }
     let (asks, asked) = channel();

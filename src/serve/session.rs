@@ -80,6 +80,8 @@ pub(super) enum How {
     Write,
     Committed,
     Aborted,
+    /// A transaction that was aborted since others had written before it did.
+    Conflicted,
 }
 
 /// What each session did last, and whose transaction is open in the writer's thread.
@@ -134,6 +136,11 @@ impl Finished {
 pub(super) fn superseded(once: &Once, last: i64) -> Failure {
     let message = format!("the session {} has begun transaction {last} since {}", once.session, once.number);
     Failure::new(codes::TRANSACTION_TOO_OLD, message)
+}
+
+/// The failure of a transaction that is begun twice.
+pub(super) fn started(once: &Once) -> Failure {
+    Failure::new(codes::CONFLICT, format!("transaction {} has been started already", once.number))
 }
 
 /// The failure of a transaction that is not open.

@@ -18,7 +18,7 @@ use super::job::{Action, Job, Step};
 use super::mailbox::Mailbox;
 use super::panic;
 use super::retry;
-use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, superseded};
+use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
 use super::snapshot::Snapshot;
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -78,10 +78,6 @@ fn refuse_overdue(desk: &mut Desk<'_>) {
     }
 }
 
-pub(super) fn started(once: &Once) -> Failure {
-    Failure::new(codes::CONFLICT, format!("transaction {} has been started already", once.number))
-}
-
 /// A transaction that is open.
 struct Open {
     once: Once,
@@ -100,6 +96,8 @@ enum End {
     Commit(Mailbox),
     /// Nothing of it is kept; the client gets an error.
     Abort(Option<Mailbox>),
+    /// It was to write, and something was written since it began to read.
+    Conflict,
     /// Nothing of it is kept, and another job of the session comes next.
     Superseded(Job),
 }
@@ -120,14 +118,18 @@ impl Open {
             };
             memory.as_one(&ns, work).map_err(Failure::from)
         });
-        let how = if kept.is_ok() { How::Committed } else { How::Aborted };
+        let how = match &end {
+            Some(End::Conflict) => How::Conflicted,
+            _ if kept.is_ok() => How::Committed,
+            _ => How::Aborted,
+        };
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
         desk.server.sessions.finish(self.once.session.clone(), finished);
         desk.server.sessions.set_open(None);
         match end {
             Some(End::Commit(reply)) => reply.answer(kept.map(|()| RawDocumentBuf::new())),
             Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
-            Some(End::Abort(None)) => {}
+            Some(End::Abort(None) | End::Conflict) => {}
             Some(End::Superseded(job)) => desk.waiting.push_front(job),
             None => reply.answer(Err(kept.err().unwrap_or_else(|| none(&self.once)))),
         }
@@ -144,7 +146,7 @@ impl Open {
         if first.snapshot.is_some_and(|snapshot| !snapshot.end()) {
             let message = "something was written since the transaction began to read; begin it again";
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
-            return End::Abort(None);
+            return End::Conflict;
         }
         let Ok(mut host) = Host::new(desk.server, desk.memory, true) else {
             reply.answer(Err(Failure::new(codes::FAILED, "the system has no more sockets to give")));

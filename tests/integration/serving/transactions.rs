@@ -183,9 +183,16 @@ fn upgraded() -> Result<(), Failed> {
     refused(answer, 112);
     refused(session.end(2, "commitTransaction")?, 251);
     assert_eq!(found(&session.run(3, true, all())?, "firstBatch")?, [1, 2]);
-    fine(session.run(3, false, insert(3))?);
-    fine(session.end(3, "abortTransaction")?);
-    assert_eq!(count(&mut other)?, 2);
+    // The next try keeps others from writing until it ends.
+    let mut late = Wire::connect(served.address())?;
+    std::thread::scope(|scope| -> Result<(), Failed> {
+        let writer = scope.spawn(|| plain(&mut late, insert(4)).map_err(|_| "the connection broke"));
+        fine(session.run(3, false, insert(3))?);
+        fine(session.end(3, "abortTransaction")?);
+        fine(writer.join().map_err(|_| "the writer panicked")??);
+        Ok(())
+    })?;
+    assert_eq!(found(&plain(&mut other, all())?, "firstBatch")?, [1, 2, 4]);
     Ok(())
 }
 
