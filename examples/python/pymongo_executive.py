@@ -38,8 +38,14 @@ def execute(client, plan):
         step = plan[str(number)]
         note(plans, plan, number, "running", "_started")
         # The world is never seen in the middle of an action.
-        with client.start_session() as session, session.start_transaction():
-            blocks.act(world, step["action"], *arguments(step), session=session)
+        try:
+            with client.start_session() as session, session.start_transaction():
+                blocks.act(world, step["action"], *arguments(step), session=session)
+        except RuntimeError as error:
+            # The plan was made while the world changed; a newer one comes.
+            note(plans, plan, number, "failed", "_ended")
+            print("failed:", error, flush=True)
+            return False
         note(plans, plan, number, "done", "_ended")
         print("did", step["action"], *arguments(step), flush=True)
     return True

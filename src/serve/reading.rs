@@ -75,7 +75,7 @@ fn live(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command),
         let mut check = None;
         let is_current = host.memory().and_then(|memory| {
             let work = &mut || {
-                check = answer_all(&mut host, command, asked, until);
+                check = answer_all(&mut host, (once, command), asked, until);
                 Ok::<_, StoreError>(())
             };
             memory.at_one_moment(ns, work).map_err(Failure::from)
@@ -85,8 +85,7 @@ fn live(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command),
             let _ = reply.send(is_current.unwrap_or(false));
             give_cursors(&mut host, asked, until);
         } else {
-            let aborted = Finished { number: once.number, how: How::Aborted, at: Instant::now() };
-            server.sessions.finish_first(&once.session, aborted);
+            abort(server, once);
         }
         host.close_all();
     }
@@ -98,13 +97,29 @@ fn live(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command),
     }
 }
 
+/// Ends a transaction of which nothing is kept.
+fn abort(server: &Server, once: &Once) {
+    let aborted = Finished { number: once.number, how: How::Aborted, at: Instant::now() };
+    server.sessions.finish_first(&once.session, aborted);
+    server.readings.end(once);
+}
+
 /// Runs commands, until the transaction ends (nothing is returned), or it is asked whether its snapshot is current.
-fn answer_all(host: &mut Host<'_>, command: Command, asked: &Receiver<Ask>, until: Instant) -> Option<Sender<bool>> {
+fn answer_all(
+    host: &mut Host<'_>,
+    (once, command): (&Once, Command),
+    asked: &Receiver<Ask>,
+    until: Instant,
+) -> Option<Sender<bool>> {
     loop {
         match asked.recv_timeout(SLICE) {
             Ok(Ask::Run { call, reply }) => {
                 let answer = panic::caught(|| command(host, &call));
                 let is_failed = answer.is_err() && !is_write(&answer);
+                if is_failed {
+                    // Before the client can commit it.
+                    abort(&host.server, once);
+                }
                 reply.answer(answer);
                 if is_failed {
                     return None;

@@ -86,7 +86,7 @@ pub(super) enum How {
 
 /// What each session did last, and whose transaction is open in the writer's thread.
 #[derive(Debug, Default)]
-pub(super) struct Sessions(Mutex<(HashMap<SessionId, Finished>, Option<SessionId>)>);
+pub(super) struct Sessions(Mutex<(HashMap<SessionId, Finished>, Option<Once>)>);
 
 impl Sessions {
     /// What a session did last.
@@ -112,15 +112,16 @@ impl Sessions {
     }
 
     /// Says whose transaction the writer's thread is busy with.
-    pub(super) fn set_open(&self, session: Option<SessionId>) {
-        self.lock().1 = session;
+    pub(super) fn set_open(&self, transaction: Option<Once>) {
+        self.lock().1 = transaction;
     }
 
-    pub(super) fn is_open(&self, session: &SessionId) -> bool {
-        self.lock().1.as_ref() == Some(session)
+    /// The number of the transaction of a session that the writer's thread is busy with.
+    pub(super) fn open(&self, session: &SessionId) -> Option<i64> {
+        self.lock().1.as_ref().filter(|open| open.session == *session).map(|open| open.number)
     }
 
-    fn lock(&self) -> MutexGuard<'_, (HashMap<SessionId, Finished>, Option<SessionId>)> {
+    fn lock(&self) -> MutexGuard<'_, (HashMap<SessionId, Finished>, Option<Once>)> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -105,7 +105,7 @@ enum End {
 impl Open {
     /// Runs the transaction from its first command to its end.
     fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: First, reply: Mailbox) {
-        desk.server.sessions.set_open(Some(self.once.session.clone()));
+        desk.server.sessions.set_open(Some(self.once.clone()));
         let memory = desk.memory.get();
         let (mut first, mut end) = (Some(first), None);
         let kept = memory.and_then(|memory| {

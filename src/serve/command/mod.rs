@@ -41,7 +41,7 @@ use super::mailbox::Mailbox;
 use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
-use super::session::{Finished, How, Once, started};
+use super::session::{Finished, How, Once, started, superseded};
 use super::wire::Form;
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -197,8 +197,11 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
     }
     let is_writing = command.is_writing(&call.request);
     if starts && !is_writing {
-        if server.sessions.is_open(&once.session) {
-            server.writer.submit(Job::abandon(vec![once.session.clone()]))?;
+        match server.sessions.open(&once.session) {
+            Some(open) if open == once.number => return Err(started(&once)),
+            Some(open) if open > once.number => return Err(superseded(&once, open)),
+            Some(_) => server.writer.submit(Job::abandon(vec![once.session.clone()]))?,
+            None => {}
         }
         reading::begin(&server, &once, &ns, inside)?;
     }

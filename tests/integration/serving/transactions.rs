@@ -292,9 +292,17 @@ fn late() -> Result<(), Failed> {
     // A later transaction of the session takes the place of the one that is open.
     fine(session.run(7, true, insert(2))?);
     refused(session.run(6, false, insert(3))?, 225);
+    // A read that starts it again, or an older one, leaves it as it is.
+    refused(session.run(7, true, all())?, 117);
+    refused(session.run(6, true, all())?, 225);
     fine(session.end(7, "commitTransaction")?);
     refused(session.end(6, "commitTransaction")?, 225);
     assert_eq!(count(&mut session.wire)?, 1);
+    // A read that fails ends its transaction.
+    for number in 8..20 {
+        assert!(session.run(number, true, doc! { "find": "c", "filter": { "$bad": 1 } })?.contains_key("code"));
+        refused(session.end(number, "commitTransaction")?, 251);
+    }
     Ok(())
 }
 
