@@ -129,9 +129,8 @@ fn due(index: &Index, now: DateTime) -> Option<Document> {
 
 /// What is due by an index.
 fn before(index: &Index, now: DateTime) -> Option<Document> {
-    let (path, seconds) = index.expiring()?;
-    let before = now.timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
-    Some(doc! { path: { "$lte": DateTime::from_millis(before) } })
+    let (path, latest) = index.expiring(now)?;
+    Some(doc! { path: { "$lte": latest } })
 }
 
 #[cfg(test)]

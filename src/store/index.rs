@@ -1,6 +1,6 @@
 //! The definition of an index.
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, DateTime, Document, doc};
 
 use crate::query::{Collation, QueryError};
 
@@ -162,10 +162,11 @@ impl Index {
         self.is_like(other) && self.name == other.name && self.expire_after == other.expire_after
     }
 
-    /// The field by whose dates documents are removed, where there is one.
+    /// The field by whose dates documents are removed, where there is one, and the latest of these dates at a time.
     #[must_use]
-    pub fn expiring(&self) -> Option<(&str, i64)> {
-        Some((self.keys.keys().next()?, self.expire_after?))
+    pub fn expiring(&self, now: DateTime) -> Option<(&str, DateTime)> {
+        let age = self.expire_after?.saturating_mul(1_000);
+        Some((self.keys.keys().next()?, DateTime::from_millis(now.timestamp_millis().saturating_sub(age))))
     }
 }
 

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use super::error::EvaluationError;
 use super::goal::{Goal, Kind};
 use super::index::{Candidates, Index};
-use super::state::{Bindings, Ground, State, UNBOUND};
+use super::state::{Bindings, Ground, State, UNBOUND, choose_next};
 use crate::pddl::model::{Arg, Fact, Formula};
 use crate::pddl::types::TypeSet;
 
@@ -302,7 +302,7 @@ impl<'j, 'a> Join<'j, 'a> {
             return Ok(false);
         }
         let mut chosen = vec![0_usize; open.len()];
-        let stopped = 'choices: loop {
+        let stopped = loop {
             for ((slot, members), choice) in open.iter().zip(&members).zip(&chosen) {
                 bindings[*slot] = members[*choice];
             }
@@ -310,14 +310,9 @@ impl<'j, 'a> Join<'j, 'a> {
             if visit(bindings)? {
                 break true;
             }
-            for (choice, members) in chosen.iter_mut().zip(&members).rev() {
-                *choice += 1;
-                if *choice < members.len() {
-                    continue 'choices;
-                }
-                *choice = 0;
+            if !choose_next(&mut chosen, &members) {
+                break false;
             }
-            break false;
         };
         for slot in open {
             bindings[slot] = UNBOUND;

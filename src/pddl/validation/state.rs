@@ -155,6 +155,18 @@ impl<'a> State<'a> {
     }
 }
 
+/// Goes on to the next choice of one of each list, the last list first; false where there is none.
+pub(super) fn choose_next(chosen: &mut [usize], members: &[Rc<[u32]>]) -> bool {
+    for (choice, members) in chosen.iter_mut().zip(members).rev() {
+        *choice += 1;
+        if *choice < members.len() {
+            return true;
+        }
+        *choice = 0;
+    }
+    false
+}
+
 /// The object an argument stands for.
 pub(super) fn value(argument: Arg, bindings: &Bindings) -> Result<u32, EvaluationError> {
     match argument {

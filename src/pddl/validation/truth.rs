@@ -1,7 +1,7 @@
 //! Whether a condition holds, and which part of it does not.
 
 use super::error::EvaluationError;
-use super::state::{Bindings, State, TOLERANCE, UNBOUND, value};
+use super::state::{Bindings, State, TOLERANCE, UNBOUND, choose_next, value};
 use crate::formats::pddl::ast::{Comparator, Moment, Operator};
 use crate::pddl::model::{Formula, Number, Quantifier};
 
@@ -66,21 +66,16 @@ impl State<'_> {
         }
         let outer: Vec<u32> = bindings[first..first + count].to_vec();
         let mut chosen = vec![0_usize; count];
-        let stopped = 'choices: loop {
+        let stopped = loop {
             for (offset, members) in members.iter().enumerate() {
                 bindings[first + offset] = members[chosen[offset]];
             }
             if visit(bindings)? {
                 break true;
             }
-            for (choice, members) in chosen.iter_mut().zip(&members).rev() {
-                *choice += 1;
-                if *choice < members.len() {
-                    continue 'choices;
-                }
-                *choice = 0;
+            if !choose_next(&mut chosen, &members) {
+                break false;
             }
-            break false;
         };
         bindings[first..first + count].copy_from_slice(&outer);
         Ok(stopped)

@@ -48,9 +48,8 @@ impl Embedded {
     fn remove_due(&self, ns: &Namespace, collection: Collection) -> Result<bool, StoreError> {
         let mut removed = false;
         for index in self.indexes_of(collection)?.iter().filter(|index| index.is_kept()) {
-            let Some((path, seconds)) = index.definition.expiring() else { continue };
-            let before = DateTime::now().timestamp_millis().saturating_sub(seconds.saturating_mul(1_000));
-            for range in due(index, path, DateTime::from_millis(before))? {
+            let Some((path, latest)) = index.definition.expiring(DateTime::now()) else { continue };
+            for range in due(index, path, latest)? {
                 for found in self.first_of(collection, index, &range)? {
                     self.erase(ns, collection, &found)?;
                     removed = true;

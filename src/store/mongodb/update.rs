@@ -347,7 +347,6 @@ fn operators(mut update: Document, at: DateTime) -> Result<Document, QueryError>
     Ok(update)
 }
 
-/// Adds a date to the fields of an operator.
 /// A replacement whose metadata is the application's, when it was made, and when the
 /// document was inserted.
 fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
