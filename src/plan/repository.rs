@@ -204,7 +204,8 @@ impl<'a> Repository<'a> {
         limit: u64,
     ) -> Result<impl Iterator<Item = Result<Record, StoreError>> + 'a, StoreError> {
         let filter = doc! { "$and": [{ "plan": { "$exists": true } }, filter] };
-        let find = Find { filter, sort, limit, ..Find::default() };
+        // The next step of an executive depends on what it noted last.
+        let find = Find { filter, sort, limit, current: true, ..Find::default() };
         let found = self.memory.find_with_metadata(self.namespace, &find)?;
         Ok(found.map(|document| {
             let document = Document::try_from(&*document?).map_err(crate::query::QueryError::from)?;

@@ -33,16 +33,32 @@ pub enum PlanState {
 impl PlanState {
     /// The state of a stored plan.
     ///
+    /// The plan and what it is checked against are read one after the other. A step that is done in between would
+    /// look like a change that breaks the plan: a plan is broken only where its steps are as they were before.
+    ///
     /// # Errors
     /// Where the plan cannot be checked, or a store fails.
     pub fn of(id: &str, plans: &Namespace, memory: &Memory) -> Result<Self, PlanningError> {
-        let record = match Repository::new(memory, plans).get(id) {
-            Ok(record) => record,
-            Err(RepositoryError::Store(error)) => return Err(error.into()),
-            Err(gone) => return Ok(Self::Gone(gone)),
-        };
-        let check = check(&record, None, memory)?;
-        Ok(if check.holds() { Self::Holds } else { Self::Broken(Box::new(check)) })
+        let start = Instant::now();
+        let repository = Repository::new(memory, plans);
+        let mut read = repository.get(id);
+        loop {
+            let record = match read {
+                Ok(record) => record,
+                Err(RepositoryError::Store(error)) => return Err(error.into()),
+                Err(gone) => return Ok(Self::Gone(gone)),
+            };
+            let verdict = check(&record, None, memory);
+            if verdict.as_ref().is_ok_and(Check::holds) {
+                return Ok(Self::Holds);
+            }
+            std::thread::sleep(QUIET_TIME);
+            read = repository.get(id);
+            let is_same = read.as_ref().is_ok_and(|now| now.progress() == record.progress());
+            if is_same || start.elapsed() > MAX_DELAY {
+                return Ok(Self::Broken(Box::new(verdict?)));
+            }
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! plan --watch.
 
 use super::STACKED;
-use crate::lab::{Lab, TASK};
+use crate::lab::{Lab, TASK, root};
 
 /// `rmem plan --watch` on the blocks world, and what it prints.
 struct Watcher {
@@ -13,20 +13,20 @@ struct Watcher {
 impl Watcher {
     /// Starts it, and waits until it watches.
     fn new(lab: &Lab) -> Self {
-        Self::with(lab, &[])
+        Self::with(lab, &TASK[2..])
     }
 
-    fn with(lab: &Lab, more: &[&str]) -> Self {
+    fn with(lab: &Lab, task: &[&str]) -> Self {
         use std::io::{BufRead as _, BufReader};
         let mut command = std::process::Command::new(crate::lab::rmem());
         lab.isolate(&mut command);
-        let command = command.args([&["plan", "--watch"], &TASK[2..], more].concat());
+        let command = command.args([&["plan", "--watch"], task].concat());
         let pipes = command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
         let mut child = pipes.spawn().unwrap();
         let plans = BufReader::new(child.stdout.take().unwrap()).lines();
         let messages = BufReader::new(child.stderr.take().unwrap()).lines();
         let mut watcher = Self { child, plans, messages };
-        assert_eq!(watcher.messages_until("watching").last().unwrap(), "watching robmem.worldmodel");
+        watcher.messages_until("watching robmem.");
         watcher
     }
 
@@ -101,10 +101,41 @@ fn what_changes_during_a_step_is_looked_at_at_once() {
 }
 
 #[test]
+fn a_step_that_is_done_while_the_plan_is_checked_does_not_break_it() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    // What the problem asks first is computed by a program that does the plan's first step, once it is told to.
+    let step = STACKED.join("\n");
+    let program = format!(
+        "if rmdir go; then\n{step}\nrmem plan step last 1 --done\nmkdir gone\nfi >&2\necho '{{\"seen\": true}}'\n"
+    );
+    lab.write("camera.sh", &program);
+    let camera = "[[computable]]\nname = 'camera'\ncollection = 'robmem.camera'\nspec = '{seen: true}'\n\
+                  command = ['sh', 'camera.sh']\n";
+    lab.write("rmem.toml", camera);
+    let template = std::fs::read_to_string(root().join(TASK[5])).unwrap();
+    lab.write("problem.j2", &format!("{{%- set seen = count('robmem.camera', {{'seen': true}}) -%}}\n{template}"));
+    let mut task = TASK;
+    task[5] = "problem.j2";
+    let mut watcher = Watcher::with(&lab, &task[2..]);
+    assert_eq!(watcher.plan()[0], "(stack B C)");
+    std::fs::create_dir(lab.path().join("go")).unwrap();
+    lab.rmem(&["insert", "robmem.worldmodel", "{relation: 'weather', is: 'fine'}"]).success();
+    while !lab.path().join("gone").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    // What breaks it is found in the steps that are left.
+    lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
+    let lines = watcher.messages_until("does not hold");
+    assert!(lines.last().unwrap().contains("step 2: (unstack D A)"), "{lines:?}");
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
 fn a_watch_follows_what_facts_are_computed_from() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.blocks", "--load", "fixtures/blocksworld-geometric.json"]).success();
-    let mut watcher = Watcher::with(&lab, &["--config", "fixtures/blocksworld-geometric.toml"]);
+    let mut watcher = Watcher::with(&lab, &[&["--config", "fixtures/blocksworld-geometric.toml"], &TASK[2..]].concat());
     assert_eq!(watcher.plan()[0], "(stack B C)");
     // The camera sees that D has fallen from A.
     let fallen = "{$set: {translation: [0.6, -0.2, 0.0]}}";
