@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use super::context::Opening;
 use super::{Context, UsageError};
@@ -72,6 +73,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.hash_password {
         return hash_password(context);
     }
+    allow_files();
     let (tls, options) = (tls(args)?, options(args)?);
     let listeners = listeners(args, tls.as_ref(), options.users.is_some(), context)?;
     let scratch = file_for_memory(context)?;
@@ -93,6 +95,13 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     drop((locks, scratch));
     Ok(Exit::Done)
+}
+
+/// Raises the limit on open files as far as this process may: a connection takes several.
+fn allow_files() {
+    let limit = getrlimit(Resource::Nofile);
+    // Where that is refused, fewer clients can connect at once.
+    let _ = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit });
 }
 
 fn hash_password(context: &mut Context<'_>) -> Result<Exit> {

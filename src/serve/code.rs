@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 92] = [
+const NAMES: [(i32, &str); 93] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -77,6 +77,7 @@ const NAMES: [(i32, &str); 92] = [
     (202, "NetworkInterfaceExceededTimeLimit"),
     (206, "NoSuchSession"),
     (211, "KeyNotFound"),
+    (217, "IncompleteTransactionHistory"),
     (224, "QueryFeatureNotAllowed"),
     (225, "TransactionTooOld"),
     (237, "CursorKilled"),
@@ -97,7 +98,7 @@ const NAMES: [(i32, &str); 92] = [
 ];
 
 /// Larger codes that have a name.
-const LARGE: [(i32, &str); 8] = [
+const LARGE: [(i32, &str); 9] = [
     (9001, "SocketException"),
     (10_107, "NotWritablePrimary"),
     (10_334, "BSONObjectTooLarge"),
@@ -106,6 +107,7 @@ const LARGE: [(i32, &str); 8] = [
     (11_601, "Interrupted"),
     (13_388, "StaleConfig"),
     (14_031, "OutOfDiskSpace"),
+    (50_768, "NotARetryableWriteCommand"),
 ];
 
 /// The name of a code; those without one are named by their number.

@@ -22,7 +22,7 @@ use super::wire::{self, Form, Message, Reply, WireError};
 /// Speaks with a client until it has enough, or something breaks.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     let memory = Lazy::of_connection(server);
-    let Ok(host) = Host::new(server, &memory, false) else { return };
+    let Ok(host) = Host::new(server, &memory, false) else { return server.leave(client.id) };
     let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
     // A connection that broke is over; no client reads the error.
     let _ = connection.speak();

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::iter::Peekable;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bson::raw::cstr;
 use bson::{RawArrayBuf, RawDocumentBuf};
@@ -12,11 +12,16 @@ use super::changes::Stream;
 use super::failure::{Failure, codes};
 use super::mailbox::{Letter, Mailbox};
 use super::session::SessionId;
-use crate::query::{Spill, Spool};
+use crate::query::{QueryError, Spill, Spool};
 use crate::store::{Documents, MAX_SIZE, Namespace, StoreError};
 
 /// How many documents the first batch has by default.
 const FIRST_BATCH: u64 = 101;
+/// How long the first write of a transaction waits until what its cursors have not given yet is read.
+pub(super) const SETTLE_TIMEOUT: Duration = Duration::from_secs(5);
+/// What a cursor says that has more.
+const UNSETTLED: &str = "the transaction began to write before this cursor was read to its end, and there was too much \
+    left to keep; read it to its end before the first write, or narrow the query";
 /// At most so many cursors are open at once.
 const MOST: usize = 10_000;
 
@@ -49,10 +54,10 @@ impl<'m> Results<'m> {
         Ok(batch)
     }
 
-    /// Reads what was not sent yet, so that it stays as it is.
-    pub(super) fn settle(&mut self) {
+    /// Reads what was not sent yet, so that it stays as it is. What is not read by then is an error.
+    pub(super) fn settle(&mut self, until: Instant) {
         let rest = std::mem::replace(&mut self.documents, (Box::new(std::iter::empty()) as Documents<'m>).peekable());
-        self.documents = (match spooled(rest) {
+        self.documents = (match spooled(rest, until) {
             Ok(documents) => documents,
             Err(error) => Box::new(std::iter::once(Err(error))),
         })
@@ -68,10 +73,16 @@ impl<'m> Results<'m> {
 /// Documents in memory, or in a temporary file where they are many.
 fn spooled<'m>(
     documents: impl Iterator<Item = Result<RawDocumentBuf, StoreError>>,
+    until: Instant,
 ) -> Result<Documents<'m>, StoreError> {
     let mut spool = Spool::new(&Spill::default());
     for document in documents {
         spool.push(&document?)?;
+        if Instant::now() >= until {
+            // What was read is given; behind it is the error.
+            let error = QueryError::invalid(codes::FAILED, UNSETTLED).into();
+            return Ok(Box::new(spool.read()?.map(|document| Ok(document?)).chain(std::iter::once(Err(error)))));
+        }
     }
     Ok(Box::new(spool.read()?.map(|document| Ok(document?))))
 }
@@ -96,8 +107,44 @@ pub(super) fn reply(id: i64, ns: &str, batch: &RawArrayBuf, is_first: bool) -> R
 #[derive(Clone)]
 pub(super) struct Open {
     pub(super) namespace: Namespace,
-    pub(super) session: Option<SessionId>,
+    pub(super) origin: Origin,
     pub(super) owner: Owner,
+}
+
+/// What a cursor was opened in, and is read in alone.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Origin {
+    pub(super) session: Option<SessionId>,
+    /// The number of its transaction.
+    pub(super) transaction: Option<i64>,
+}
+
+impl Origin {
+    /// Whether what is asked in `here` may read a cursor that was opened in this one.
+    ///
+    /// # Errors
+    /// MongoDB's, where it may not.
+    pub(super) fn check(&self, cursor: i64, here: &Self) -> Result<(), Failure> {
+        let refused = |code, why: String| {
+            Err(Failure::new(code, format!("Cannot run getMore on cursor {cursor}, which was {why}")))
+        };
+        match (&self.session, &here.session) {
+            (None, Some(own)) => return refused(50_736, format!("not created in a session, in session {own}")),
+            (Some(its), None) => return refused(50_737, format!("created in session {its}, without an lsid")),
+            (Some(its), Some(own)) if its != own => {
+                return refused(50_738, format!("created in session {its}, in session {own}"));
+            }
+            _ => {}
+        }
+        match (self.transaction, here.transaction) {
+            (None, Some(own)) => refused(50_739, format!("not created in a transaction, in transaction {own}")),
+            (Some(its), None) => refused(50_740, format!("created in transaction {its}, without a txnNumber")),
+            (Some(its), Some(own)) if its != own => {
+                refused(50_741, format!("created in transaction {its}, in transaction {own}"))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The reader of a cursor.
@@ -189,4 +236,45 @@ fn random() -> i64 {
 
 pub(super) fn not_found(id: i64) -> Failure {
     Failure::new(codes::NO_CURSOR, format!("cursor id {id} not found"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cursor_is_read_where_it_was_opened() {
+        let [one, two] = [SessionId::random(), SessionId::random()].map(Some);
+        let origin = |session: &Option<SessionId>, transaction| Origin { session: session.clone(), transaction };
+        let none = Origin::default();
+        for (its, here, code) in [
+            (&none, &none, 0),
+            (&origin(&one, Some(1)), &origin(&one, Some(1)), 0),
+            (&none, &origin(&one, None), 50_736),
+            (&origin(&one, Some(1)), &none, 50_737),
+            (&origin(&one, None), &origin(&two, None), 50_738),
+            (&origin(&one, None), &origin(&one, Some(1)), 50_739),
+            (&origin(&one, Some(1)), &origin(&one, None), 50_740),
+            (&origin(&one, Some(1)), &origin(&one, Some(2)), 50_741),
+        ] {
+            assert_eq!(its.check(7, here).map_or_else(|failure| failure.code, |()| 0), code, "{its:?} {here:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_read_in_time_of_a_cursor_is_an_error_behind_what_is() {
+        let results = |until| {
+            let documents = (0..3).map(|n| Ok(bson::rawdoc! { "n": n }));
+            let mut results = Results::new(Box::new(documents));
+            results.settle(until);
+            results
+        };
+        let count = |batch: RawArrayBuf| batch.into_iter().count();
+        let mut all = results(Instant::now() + SETTLE_TIMEOUT);
+        assert_eq!(all.batch(None).map(count).unwrap(), 3);
+        let mut some = results(Instant::now());
+        assert_eq!(some.batch(Some(1)).map(count).unwrap(), 1);
+        let failure = some.batch(None).unwrap_err();
+        assert!(failure.code == codes::FAILED && failure.message.contains("read it to its end"), "{failure:?}");
+    }
 }

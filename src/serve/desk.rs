@@ -12,9 +12,9 @@ use super::server::Server;
 /// What the writer works with.
 pub(super) struct Desk<'d> {
     pub(super) server: &'d Arc<Server>,
-    pub(super) jobs: Receiver<Job>,
+    pub(super) jobs: &'d Receiver<Job>,
     /// Jobs that came while others were done.
-    pub(super) waiting: VecDeque<Job>,
+    pub(super) waiting: &'d mut VecDeque<Job>,
     pub(super) memory: &'d Lazy,
 }
 

@@ -32,6 +32,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
+    pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
     pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
     pub(in crate::serve) const NO_SNAPSHOT: i32 = 246;
@@ -46,6 +47,8 @@ pub(super) mod codes {
     pub(in crate::serve) const DUPLICATE: i32 = 11_000;
     pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
+    pub(in crate::serve) const NOT_RETRYABLE: i32 = 50_768;
+    pub(in crate::serve) const NO_NUMBER: i32 = 50_889;
 }
 
 /// The label of what may be tried again as a whole transaction.

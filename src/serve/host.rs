@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use bson::RawDocumentBuf;
 
-use super::cursor::{self, Open, Owner, Results};
+use super::cursor::{self, Open, Origin, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
 use super::job::{Job, Work};
-use super::mailbox::{Inbox, Letter, More};
+use super::mailbox::{Inbox, Letter, More, Question, Reply};
 use super::server::Server;
-use super::session::{Once, SessionId};
+use super::session::Once;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 
@@ -65,8 +65,13 @@ pub(super) struct Host<'m> {
 }
 
 impl<'m> Host<'m> {
-    pub(super) fn new(server: &Arc<Server>, memory: &'m Lazy, writes_itself: bool) -> std::io::Result<Self> {
-        let (server, inbox) = (Arc::clone(server), Inbox::new()?);
+    pub(super) fn new(server: &Arc<Server>, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
+        let inbox = Inbox::new().map_err(|error| {
+            let message =
+                format!("the system has no more sockets to give ({error}); raise the limit on open files (ulimit -n)");
+            Failure::new(codes::FAILED, message)
+        })?;
+        let server = Arc::clone(server);
         Ok(Self { server, memory, cursors: HashMap::new(), inbox, writes_itself })
     }
 
@@ -84,25 +89,22 @@ impl<'m> Host<'m> {
         if self.writes_itself || !memory.is_current(&ns)? {
             return work(memory);
         }
-        let job = Job::Write { ns, once, work, reply: self.inbox.mailbox() };
-        self.submit(job)
+        self.submit(|reply| Job::Write { ns, once, work, reply })
     }
 
     /// Gives the writer something to do and waits for its answer.
-    pub(super) fn submit(&mut self, job: Job) -> Answer {
-        self.server.writer.submit(job)?;
-        self.wait()
+    pub(super) fn submit(&mut self, job: impl FnOnce(Reply) -> Job) -> Answer {
+        let (question, reply) = self.inbox.question(Failure::new(codes::SHUTDOWN, "the server is shutting down"));
+        self.server.writer.submit(job(reply))?;
+        self.wait(question)
     }
 
-    /// Waits for an answer, answering letters meanwhile.
-    pub(super) fn wait(&mut self) -> Answer {
+    /// Waits for the answer to a question, answering letters meanwhile.
+    pub(super) fn wait(&mut self, question: Question) -> Answer {
         loop {
             match self.inbox.receive(TICK) {
-                Some(Letter::Answer(answer)) => return answer,
+                Some(Letter::Answer(number, answer)) if question.is(number) => return answer,
                 Some(letter) => self.handle(letter),
-                None if self.server.writer.is_over() => {
-                    return Err(Failure::new(codes::SHUTDOWN, "the server is shutting down"));
-                }
                 None => self.expire(),
             }
         }
@@ -119,7 +121,7 @@ impl<'m> Host<'m> {
     pub(super) fn handle(&mut self, letter: Letter) {
         match letter {
             // Answers that are not awaited any more.
-            Letter::Answer(_) => {}
+            Letter::Answer(..) => {}
             Letter::Kill(cursor) => drop(self.cursors.remove(&cursor)),
             Letter::More(more) => {
                 let answer = self.own(more.cursor, more.batch);
@@ -132,7 +134,7 @@ impl<'m> Host<'m> {
     pub(super) fn answer(
         &mut self,
         ns: &Namespace,
-        session: Option<&SessionId>,
+        origin: Origin,
         documents: Documents<'m>,
         batch: FirstBatch,
     ) -> Answer {
@@ -143,7 +145,7 @@ impl<'m> Host<'m> {
         }
         results.never_expires = batch.never_expires;
         let owner = Owner::Thread(self.inbox.mailbox());
-        let id = self.server.cursors.open(Open { namespace: ns.clone(), session: session.cloned(), owner })?;
+        let id = self.server.cursors.open(Open { namespace: ns.clone(), origin, owner })?;
         self.cursors.insert(id, results);
         Ok(cursor::reply(id, &ns.to_string(), &first, true))
     }
@@ -154,12 +156,14 @@ impl<'m> Host<'m> {
             return answer;
         }
         let Owner::Thread(mailbox) = &open.owner else { return Err(cursor::not_found(cursor)) };
-        let to = self.inbox.mailbox();
-        if self.writes_itself || !mailbox.send(Letter::More(More { cursor, batch, to })) {
-            self.server.cursors.forget(cursor);
+        if self.writes_itself {
             return Err(cursor::not_found(cursor));
         }
-        self.wait()
+        let (question, to) = self.inbox.question(cursor::not_found(cursor));
+        if !mailbox.send(Letter::More(More { cursor, batch, to })) {
+            self.server.cursors.forget(cursor);
+        }
+        self.wait(question)
     }
 
     fn own(&mut self, cursor: i64, batch: Option<u64>) -> Option<Answer> {
@@ -194,7 +198,8 @@ impl<'m> Host<'m> {
 
     /// Reads cursors to their end, into temporary files where they are large; returns their numbers.
     pub(super) fn settle(&mut self) -> HashSet<i64> {
-        self.cursors.values_mut().for_each(Results::settle);
+        let until = Instant::now() + SETTLE_TIMEOUT;
+        self.cursors.values_mut().for_each(|results| results.settle(until));
         self.cursors.keys().copied().collect()
     }
 

@@ -1,13 +1,12 @@
 //! What the writer is given to do, and the queue that it is given it by.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
 use super::call::Call;
 use super::failure::{Answer, Failure, codes};
-use super::mailbox::Mailbox;
+use super::mailbox::Reply;
 use super::session::{Once, SessionId};
 use super::snapshot::Snapshot;
 use crate::memory::Memory;
@@ -19,7 +18,7 @@ pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;
 /// What the writer is given to do.
 pub(super) enum Job {
     /// A write by itself.
-    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Mailbox },
+    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Reply },
     /// A command of a transaction, or its end.
     Step(Step),
     /// Sessions, or all, or the connections that used them last, have ended.
@@ -44,9 +43,16 @@ impl Job {
 pub(super) struct Step {
     pub(super) once: Once,
     pub(super) action: Action,
-    pub(super) reply: Mailbox,
+    pub(super) reply: Reply,
     /// When it came.
     pub(super) since: Instant,
+}
+
+impl Step {
+    /// Whether it begins a transaction.
+    pub(super) fn is_first(&self) -> bool {
+        matches!(self.action, Action::Run { starts: true, .. })
+    }
 }
 
 /// What is to be done.
@@ -64,28 +70,16 @@ pub(super) enum Action {
 }
 
 /// Where the writer is given things to do.
-pub(super) struct JobQueue {
-    jobs: Sender<Job>,
-    over: AtomicBool,
-}
+pub(super) struct JobQueue(Sender<Job>);
 
 impl JobQueue {
     /// Returns a queue, and where the writer takes jobs from it.
     pub(super) fn new() -> (Self, Receiver<Job>) {
         let (jobs, receiver) = channel();
-        (Self { jobs, over: AtomicBool::new(false) }, receiver)
+        (Self(jobs), receiver)
     }
 
     pub(super) fn submit(&self, job: Job) -> Result<(), Failure> {
-        self.jobs.send(job).map_err(|_| Failure::new(codes::SHUTDOWN, "the server is shutting down"))
-    }
-
-    /// Says that nothing is done any more.
-    pub(super) fn end(&self) {
-        self.over.store(true, Ordering::SeqCst);
-    }
-
-    pub(super) fn is_over(&self) -> bool {
-        self.over.load(Ordering::SeqCst)
+        self.0.send(job).map_err(|_| Failure::new(codes::SHUTDOWN, "the server is shutting down"))
     }
 }

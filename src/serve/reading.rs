@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 
 use super::call::Call;
 use super::failure::{Answer, Failure, codes};
-use super::host::{Host, Lazy};
+use super::host::{self, Host, Lazy};
 use super::panic;
 use super::server::{Server, thread};
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none};
 use super::snapshot::{Ask, Reading, Snapshot};
-use crate::store::{Namespace, StoreError};
+use crate::store::Namespace;
 
 /// At most so many have a thread; others read in the writer's.
 const MOST: usize = 200;
@@ -49,17 +49,24 @@ pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace, command: 
 /// all, nothing is answered: it is for the writer, with the snapshot.
 pub(super) fn run(host: &mut Host<'_>, once: &Once, call: &Arc<Call>) -> Result<Option<Answer>, Failure> {
     let server = Arc::clone(&host.server);
-    let ask = Ask::Run { call: Arc::clone(call), reply: host.inbox.mailbox() };
-    if !server.readings.ask(once, ask)? {
+    let (question, reply) = host.inbox.question(none(once));
+    if !server.readings.ask(once, Ask::Run { call: Arc::clone(call), reply })? {
         return Ok(None);
     }
-    let answer = host.wait();
+    let answer = host.wait(question);
     Ok(Some(answer).filter(|answer| !is_write(answer)))
 }
 
-/// Returns the snapshot of a transaction that is going to write, where it has read before.
-pub(super) fn snapshot(server: &Server, once: &Once) -> Option<Snapshot> {
-    server.readings.moved(once)
+/// Returns the snapshot of a transaction that is going to write, where it has read before: its cursors are read to
+/// their end, and from now on the writer does what the transaction does.
+pub(super) fn snapshot(host: &mut Host<'_>, once: &Once) -> Result<Option<Snapshot>, Failure> {
+    let server = Arc::clone(&host.server);
+    let (question, reply) = host.inbox.question(none(once));
+    if !server.readings.ask(once, Ask::Settle(reply))? {
+        return Ok(None);
+    }
+    host.wait(question)?;
+    Ok(server.readings.snapshot(once))
 }
 
 /// Whether something that only reads had to write: the store refuses that within a snapshot.
@@ -69,39 +76,53 @@ fn is_write(answer: &Answer) -> bool {
 
 /// The thread of a transaction.
 fn live(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command), asked: &Receiver<Ask>) {
-    let memory = Lazy::of_connection(server);
-    let until = Instant::now() + TRANSACTION_LIMIT;
-    if let Ok(mut host) = Host::new(server, &memory, true) {
-        let mut check = None;
-        let is_current = host.memory().and_then(|memory| {
-            let work = &mut || {
-                check = answer_all(&mut host, (once, command), asked, until);
-                Ok::<_, StoreError>(())
-            };
-            memory.at_one_moment(ns, work).map_err(Failure::from)
-        });
-        if let Some(reply) = check {
-            // The writer may have given up.
-            let _ = reply.send(is_current.unwrap_or(false));
-            give_cursors(&mut host, asked, until);
-        } else {
-            abort(server, once);
-        }
-        host.close_all();
+    let failed = panic::caught(|| read(server, once, (ns, command), asked).and_then(|()| host::empty())).err();
+    match &failed {
+        Some(_) => abort(server, once),
+        None => drop(server.readings.end(once)),
     }
-    server.readings.end(once);
     for late in asked.try_iter() {
-        if let Ask::Run { reply, .. } = late {
-            reply.answer(Err(none(once)));
+        // What cannot be read now is not tried again and again.
+        if let (Ask::Run { reply, .. } | Ask::Settle(reply), Some(failure)) = (late, &failed) {
+            reply.answer(Err(failure.clone()));
         }
     }
 }
 
+/// Takes a snapshot, and answers what is read of it until the transaction ends.
+fn read(
+    server: &Arc<Server>,
+    once: &Once,
+    (ns, command): (&Namespace, Command),
+    asked: &Receiver<Ask>,
+) -> Result<(), Failure> {
+    let memory = Lazy::of_connection(server);
+    let until = Instant::now() + TRANSACTION_LIMIT;
+    let mut host = Host::new(server, &memory, true)?;
+    let mut check = None;
+    let is_current = host.memory()?.at_one_moment(ns, &mut || {
+        check = answer_all(&mut host, (once, command), asked, until);
+        Ok(())
+    });
+    if let Some(reply) = check {
+        // The writer may have given up.
+        let _ = reply.send(is_current.unwrap_or(false));
+        give_cursors(&mut host, asked, until);
+    } else {
+        abort(server, once);
+        is_current?;
+    }
+    host.close_all();
+    Ok(())
+}
+
 /// Ends a transaction of which nothing is kept.
 fn abort(server: &Server, once: &Once) {
-    let aborted = Finished { number: once.number, how: How::Aborted, at: Instant::now() };
-    server.sessions.finish_first(&once.session, aborted);
-    server.readings.end(once);
+    // It has one end, whoever finds it open.
+    if server.readings.end(once) {
+        let aborted = Finished { number: once.number, how: How::Aborted, at: Instant::now() };
+        server.sessions.finish(&once.session, aborted);
+    }
 }
 
 /// Runs commands, until the transaction ends (nothing is returned), or it is asked whether its snapshot is current.
@@ -126,10 +147,23 @@ fn answer_all(
                 }
             }
             Ok(Ask::Settle(reply)) => {
-                let _ = reply.send(host.settle());
+                let answer = panic::caught(|| {
+                    let cursors = host.settle();
+                    host.server.readings.hand_over(once, cursors);
+                    host::empty()
+                });
+                if answer.is_err() {
+                    abort(&host.server, once);
+                    reply.answer(answer);
+                    return None;
+                }
+                reply.answer(answer);
             }
             Ok(Ask::IsCurrent(reply)) => return Some(reply),
-            Err(RecvTimeoutError::Timeout) if Instant::now() < until && !host.server.is_stopping() => host.expire(),
+            Err(RecvTimeoutError::Timeout) if Instant::now() < until && !host.server.is_stopping() => {
+                host.handle_letters();
+                host.expire();
+            }
             Err(_) => return None,
         }
     }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, Timestamp};
 
+use super::cursor::Origin;
 use super::failure::{Failure, codes};
 use super::fields::Fields;
 use super::session::SessionId;
@@ -120,7 +121,13 @@ impl Request {
         }
     }
 
-    /// Whether the client wants no more than that its write was taken.
+    /// The session and the transaction in which it is run.
+    pub(super) fn origin(&self) -> Origin {
+        let transaction = self.transaction.filter(|part| part.is_multi).map(|part| part.number);
+        Origin { session: self.session.clone(), transaction }
+    }
+
+    /// Whether it is a command of a transaction.
     pub(super) fn is_in_transaction(&self) -> bool {
         self.transaction.is_some_and(|part| part.is_multi)
     }
@@ -136,6 +143,13 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
     let number = fields.whole("txnNumber")?;
     let (autocommit, starts) = (fields.optional_flag("autocommit")?, fields.optional_flag("startTransaction")?);
     match (number, autocommit) {
+        _ if starts.is_some() && autocommit.is_none() => {
+            let message = "'startTransaction' field requires 'autocommit' field to also be specified";
+            Err(Failure::new(codes::INVALID_OPTIONS, message))
+        }
+        _ if starts == Some(false) => {
+            Err(Failure::new(codes::INVALID_OPTIONS, "startTransaction is true where it is given"))
+        }
         (Some(number), _) if number < 0 => {
             Err(Failure::new(codes::INVALID_OPTIONS, "the transaction number may not be negative"))
         }
@@ -262,6 +276,13 @@ mod tests {
         assert_eq!(code(doc! { "ping": 1 }), 40_571);
         assert_eq!(code(doc! { "ping": 1, "$db": 3 }), codes::TYPE_MISMATCH);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "txnNumber": 1_i64 }), codes::INVALID_OPTIONS);
+        let lsid = doc! { "id": bson::Uuid::new() };
+        let alone = doc! { "ping": 1, "$db": "a", "lsid": &lsid, "txnNumber": 1_i64, "startTransaction": true };
+        assert_eq!(code(alone), codes::INVALID_OPTIONS);
+        let part = doc! { "ping": 1, "$db": "a", "lsid": lsid, "txnNumber": 1_i64, "autocommit": false };
+        assert_eq!(code(part.clone()), 0);
+        let not = part.into_iter().chain([("startTransaction".to_owned(), false.into())]).collect();
+        assert_eq!(code(not), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
         assert_eq!(others.confirmation, Confirmation::Others);

@@ -25,7 +25,7 @@ impl Running {
     pub fn start(open: Opener, options: Options) -> std::io::Result<Self> {
         let (server, jobs) = Server::new(open, options);
         let shared = Arc::clone(&server);
-        let writer = thread("writer").spawn(move || writer::run(&shared, jobs))?;
+        let writer = thread("writer").spawn(move || writer::run(&shared, &jobs))?;
         Ok(Self { server, writer })
     }
 

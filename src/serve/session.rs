@@ -94,16 +94,20 @@ impl Sessions {
         self.lock().0.get(session).copied()
     }
 
-    pub(super) fn finish(&self, session: SessionId, finished: Finished) {
-        self.lock().0.insert(session, finished);
-    }
-
-    /// The same, unless the session has done this, or a later thing, already.
-    pub(super) fn finish_first(&self, session: &SessionId, finished: Finished) {
+    /// Keeps what a session did, unless it has done this, or a later thing, already.
+    pub(super) fn finish(&self, session: &SessionId, finished: Finished) {
         let mut sessions = self.lock();
         if sessions.0.get(session).is_none_or(|last| last.number < finished.number) {
             sessions.0.insert(session.clone(), finished);
         }
+    }
+
+    /// Whether a session used this number for a transaction.
+    pub(super) fn has_transaction(&self, once: &Once) -> bool {
+        let sessions = self.lock();
+        let last = sessions.0.get(&once.session);
+        sessions.1.as_ref() == Some(once)
+            || last.is_some_and(|last| last.number == once.number && last.how != How::Write)
     }
 
     /// Forgets what is older.

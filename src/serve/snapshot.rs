@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::call::Call;
 use super::failure::Failure;
-use super::mailbox::Mailbox;
+use super::mailbox::Reply;
 use super::session::{Once, SessionId, superseded};
 
 /// How long the writer waits to hear whether a snapshot is current.
@@ -17,10 +17,10 @@ const CHECK_TIMEOUT: Duration = Duration::from_secs(2);
 pub(super) enum Ask {
     Run {
         call: Arc<Call>,
-        reply: Mailbox,
+        reply: Reply,
     },
-    /// Reads cursors to their end, and gives their numbers: the snapshot is going to end.
-    Settle(Sender<HashSet<i64>>),
+    /// Reads cursors to their end, and lets the writer do everything else: the snapshot is going to end.
+    Settle(Reply),
     /// Ends the snapshot, and says whether nothing was written since it began.
     IsCurrent(Sender<bool>),
 }
@@ -98,15 +98,18 @@ impl Readings {
         }
     }
 
-    /// Has cursors read to their end, and returns the snapshot: from now on the writer does what the transaction does.
-    pub(super) fn moved(&self, once: &Once) -> Option<Snapshot> {
-        let (reply, cursors) = channel();
-        self.ask(once, Ask::Settle(reply)).ok().filter(|is_asked| *is_asked)?;
-        let cursors = cursors.recv().ok()?;
+    /// Lets the writer do what a transaction does, but for reading these cursors.
+    pub(super) fn hand_over(&self, once: &Once, cursors: HashSet<i64>) {
         let mut readings = self.lock();
-        let reading = readings.get_mut(&once.session).filter(|reading| reading.number == once.number)?;
-        reading.moved = Some(cursors);
-        Some(Snapshot(reading.asks.clone()))
+        let reading = readings.get_mut(&once.session).filter(|reading| reading.number == once.number);
+        reading.into_iter().for_each(|reading| reading.moved = Some(cursors.clone()));
+    }
+
+    /// The snapshot of a transaction that the writer is to go on with.
+    pub(super) fn snapshot(&self, once: &Once) -> Option<Snapshot> {
+        let readings = self.lock();
+        let moved = readings.get(&once.session).filter(|reading| reading.number == once.number);
+        moved.filter(|reading| reading.moved.is_some()).map(|reading| Snapshot(reading.asks.clone()))
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, HashMap<SessionId, Reading>> {

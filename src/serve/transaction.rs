@@ -15,7 +15,7 @@ use super::desk::Desk;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
-use super::mailbox::Mailbox;
+use super::mailbox::Reply;
 use super::panic;
 use super::retry;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
@@ -38,12 +38,8 @@ pub(super) fn run(desk: &mut Desk<'_>, step: Step) {
     let last = desk.server.sessions.last(&step.once.session);
     match step.action {
         Action::Run { starts: true, ns, call, snapshot } if last.is_none_or(|last| last.number < step.once.number) => {
-            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(
-                desk,
-                ns,
-                First { call, snapshot },
-                step.reply,
-            );
+            let first = First { call, snapshot, reply: step.reply };
+            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(desk, ns, first);
         }
         action => step.reply.answer(late(desk, &step.once, &action, last)),
     }
@@ -54,6 +50,7 @@ fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -
     let last = last.filter(|last| last.number >= once.number);
     let is_committed = match last {
         Some(last) if last.number > once.number => return Err(superseded(once, last.number)),
+        Some(_) if matches!(action, Action::Run { starts: true, .. }) => return Err(started(once)),
         Some(last) => last.how == How::Committed,
         None => retry::is_committed(desk.memory.get()?, &records(), once)?,
     };
@@ -89,13 +86,14 @@ struct First {
     call: Arc<Call>,
     /// What was read before.
     snapshot: Option<Snapshot>,
+    reply: Reply,
 }
 
 /// How a transaction came to its end.
 enum End {
-    Commit(Mailbox),
+    Commit(Reply),
     /// Nothing of it is kept; the client gets an error.
-    Abort(Option<Mailbox>),
+    Abort(Option<Reply>),
     /// It was to write, and something was written since it began to read.
     Conflict,
     /// Nothing of it is kept, and another job of the session comes next.
@@ -104,14 +102,14 @@ enum End {
 
 impl Open {
     /// Runs the transaction from its first command to its end.
-    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: First, reply: Mailbox) {
+    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: First) {
         desk.server.sessions.set_open(Some(self.once.clone()));
         let memory = desk.memory.get();
         let (mut first, mut end) = (Some(first), None);
         let kept = memory.and_then(|memory| {
             let work = &mut || {
                 let Some(first) = first.take() else { return Ok(()) };
-                let ended = self.steps(desk, memory, &ns, first, &reply);
+                let ended = self.steps(desk, memory, &ns, first);
                 let is_kept = matches!(ended, End::Commit(_));
                 end = Some(ended);
                 if is_kept { self.note(memory) } else { Err(undone(memory)) }
@@ -123,15 +121,20 @@ impl Open {
             _ if kept.is_ok() => How::Committed,
             _ => How::Aborted,
         };
+        let failure = kept.err();
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
-        desk.server.sessions.finish(self.once.session.clone(), finished);
+        desk.server.sessions.finish(&self.once.session, finished);
         desk.server.sessions.set_open(None);
         match end {
-            Some(End::Commit(reply)) => reply.answer(kept.map(|()| RawDocumentBuf::new())),
+            Some(End::Commit(reply)) => reply.answer(failure.clone().map_or_else(host::empty, Err)),
             Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
             Some(End::Abort(None) | End::Conflict) => {}
             Some(End::Superseded(job)) => desk.waiting.push_front(job),
-            None => reply.answer(Err(kept.err().unwrap_or_else(|| none(&self.once)))),
+            None => {}
+        }
+        if let Some(First { reply, .. }) = first {
+            // It could not even begin.
+            reply.answer(Err(failure.unwrap_or_else(|| none(&self.once))));
         }
         desk.server.hub.call();
     }
@@ -142,17 +145,21 @@ impl Open {
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
-    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: First, reply: &Mailbox) -> End {
-        if first.snapshot.is_some_and(|snapshot| !snapshot.end()) {
+    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: First) -> End {
+        let First { call, snapshot, reply } = first;
+        if snapshot.is_some_and(|snapshot| !snapshot.end()) {
             let message = "something was written since the transaction began to read; begin it again";
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let Ok(mut host) = Host::new(desk.server, desk.memory, true) else {
-            reply.answer(Err(Failure::new(codes::FAILED, "the system has no more sockets to give")));
-            return End::Abort(None);
+        let mut host = match Host::new(desk.server, desk.memory, true) {
+            Ok(host) => host,
+            Err(failure) => {
+                reply.answer(Err(failure));
+                return End::Abort(None);
+            }
         };
-        let mut failed = perform(&mut host, memory, ns, ns, &first.call, reply);
+        let mut failed = perform(&mut host, memory, ns, ns, &call, reply);
         let end = loop {
             if failed {
                 break End::Abort(None);
@@ -161,7 +168,7 @@ impl Open {
             let left = self.until.saturating_duration_since(Instant::now());
             match desk.arriving(left.min(SLICE)) {
                 None if left.is_zero() => break End::Abort(None),
-                None => {}
+                None => host.handle_letters(),
                 Some(Job::Step(step)) if step.once == self.once => match step.action {
                     Action::Commit => break End::Commit(step.reply),
                     Action::Abort => break End::Abort(Some(step.reply)),
@@ -169,7 +176,7 @@ impl Open {
                         step.reply.answer(Err(started(&self.once)));
                     }
                     Action::Run { ns: other, call, .. } => {
-                        failed = perform(&mut host, memory, ns, &other, &call, &step.reply);
+                        failed = perform(&mut host, memory, ns, &other, &call, step.reply);
                     }
                 },
                 Some(Job::Abandon { sessions })
@@ -179,7 +186,8 @@ impl Open {
                 }
                 Some(Job::Step(step)) if self.is_late(&step) => {
                     let last = desk.server.sessions.last(&step.once.session);
-                    step.reply.answer(match step.once.session == self.once.session {
+                    let is_older = step.once.session == self.once.session && step.once.number < self.once.number;
+                    step.reply.answer(match is_older {
                         true => Err(superseded(&step.once, self.once.number)),
                         false => late(desk, &step.once, &step.action, last),
                     });
@@ -198,16 +206,14 @@ impl Open {
 
     /// Whether a step can be of no transaction that is to come: its answer does not have to wait.
     fn is_late(&self, step: &Step) -> bool {
-        match step.once.session == self.once.session {
-            true => step.once.number < self.once.number,
-            false => !matches!(step.action, Action::Run { starts: true, .. }),
-        }
+        let is_older = step.once.session == self.once.session && step.once.number < self.once.number;
+        is_older || !step.is_first()
     }
 
-    /// Whether a job says that the session has gone on without an end of this transaction.
+    /// Whether a job begins something later in the session, without an end of this transaction.
     fn is_superseded(&self, job: &Job) -> bool {
         let once = match job {
-            Job::Step(step) => Some(&step.once),
+            Job::Step(step) => Some(&step.once).filter(|_| step.is_first()),
             Job::Write { once, .. } => once.as_ref(),
             Job::Abandon { .. } | Job::Stop => None,
         };
@@ -216,14 +222,7 @@ impl Open {
 }
 
 /// Runs a command of a transaction that began in the store of `home`; says whether it failed.
-fn perform(
-    host: &mut Host<'_>,
-    memory: &Memory,
-    home: &Namespace,
-    ns: &Namespace,
-    call: &Call,
-    reply: &Mailbox,
-) -> bool {
+fn perform(host: &mut Host<'_>, memory: &Memory, home: &Namespace, ns: &Namespace, call: &Call, reply: Reply) -> bool {
     let answer = match memory.is_shared(home) == memory.is_shared(ns) {
         true => panic::caught(|| command::inside(host, call)),
         false => {

@@ -14,7 +14,7 @@ use super::desk::Desk;
 use super::failure::{Answer, Failure, codes};
 use super::host::Lazy;
 use super::job::{Job, Work};
-use super::mailbox::Mailbox;
+use super::mailbox::Reply;
 use super::panic;
 use super::retry;
 use super::server::Server;
@@ -33,25 +33,35 @@ const BEAT: Duration = Duration::from_secs(15);
 const MEMORY: Duration = Duration::from_secs(30 * 60);
 
 /// Writes until the server ends.
-pub(super) fn run(server: &Arc<Server>, jobs: Receiver<Job>) {
-    let memory = Lazy::new(server);
-    let mut desk = Desk { server, jobs, waiting: VecDeque::new(), memory: &memory };
-    let mut beat = Instant::now();
+pub(super) fn run(server: &Arc<Server>, jobs: &Receiver<Job>) {
+    let mut waiting = VecDeque::new();
     loop {
-        match desk.next(BEAT.saturating_sub(beat.elapsed())) {
-            Some(Job::Stop) => break,
-            Some(job) => desk.perform(job),
-            None => {}
+        // After a mistake of rmem's own it is another one: the transaction of that may be open still.
+        let memory = Lazy::new(server);
+        let mut desk = Desk { server, jobs, waiting: &mut waiting, memory: &memory };
+        if panic::passed(|| desk.work()) {
+            return;
         }
-        if beat.elapsed() >= BEAT {
-            beat = Instant::now();
-            desk.look_after();
-        }
+        server.sessions.set_open(None);
     }
-    server.writer.end();
 }
 
 impl Desk<'_> {
+    fn work(&mut self) {
+        let mut beat = Instant::now();
+        loop {
+            match self.next(BEAT.saturating_sub(beat.elapsed())) {
+                Some(Job::Stop) => return,
+                Some(job) => self.perform(job),
+                None => {}
+            }
+            if beat.elapsed() >= BEAT {
+                beat = Instant::now();
+                self.look_after();
+            }
+        }
+    }
+
     fn perform(&mut self, job: Job) {
         match job {
             Job::Write { ns, once, work, reply } => self.group(Write { ns, once, work, reply }),
@@ -64,13 +74,13 @@ impl Desk<'_> {
     /// Does a write and all that wait with it.
     fn group(&mut self, first: Write) {
         let (ns, since) = (first.ns.clone(), Instant::now());
-        let mut answers: Vec<(Mailbox, Answer)> = Vec::new();
+        let mut answers: Vec<(Reply, Answer)> = Vec::new();
         let mut next = Some(first);
         let done = self.memory.get().and_then(|memory| {
             let is_shared = memory.is_shared(&ns);
             let work = &mut || {
-                while let Some(write) = next.take() {
-                    answers.push((write.reply.clone(), self.step(memory, write)));
+                while let Some(Write { ns, once, work, reply }) = next.take() {
+                    answers.push((reply, self.step(memory, &ns, once, work)));
                     if answers.len() < MOST && since.elapsed() < LONGEST {
                         next = self.companion(memory, is_shared);
                     }
@@ -104,20 +114,19 @@ impl Desk<'_> {
     }
 
     /// One write of several: where it fails, it has done nothing.
-    fn step(&mut self, memory: &Memory, write: Write) -> Answer {
-        let Write { ns, once, work, .. } = write;
+    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Once>, work: Work) -> Answer {
         if let Some(once) = &once
-            && let Some(answer) = retry::recall(memory, &ns, once, self.server.sessions.last(&once.session))?
+            && let Some(answer) = retry::recall(memory, ns, once, self.server.sessions.last(&once.session))?
         {
             return Ok(answer);
         }
-        let answer = attempt(memory, &ns, |memory| {
+        let answer = attempt(memory, ns, |memory| {
             let answer = panic::caught(|| work(memory))?;
-            once.iter().try_for_each(|once| retry::keep(memory, &ns, once, &answer))?;
+            once.iter().try_for_each(|once| retry::keep(memory, ns, once, &answer))?;
             Ok(answer)
         })?;
         if let Some(Once { session, number }) = once {
-            self.server.sessions.finish(session, Finished::write(number));
+            self.server.sessions.finish(&session, Finished::write(number));
         }
         Ok(answer)
     }
@@ -140,5 +149,5 @@ struct Write {
     ns: Namespace,
     once: Option<Once>,
     work: Work,
-    reply: Mailbox,
+    reply: Reply,
 }

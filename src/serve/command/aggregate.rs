@@ -109,7 +109,7 @@ fn read(host: &mut Host<'_>, call: &Call) -> Answer {
         }
     };
     call.request.check_time()?;
-    host.answer(&ns, call.request.session.as_ref(), documents, batch)
+    host.answer(&ns, call.request.origin(), documents, batch)
 }
 
 fn write(memory: &Memory, call: &Call) -> Answer {
@@ -241,7 +241,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         0
     } else {
         let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
-        host.server.cursors.open(Open { namespace: ns.clone(), session: call.request.session.clone(), owner })?
+        host.server.cursors.open(Open { namespace: ns.clone(), origin: call.request.origin(), owner })?
     };
     super::cursor::stream_reply(id, &ns.to_string(), &first, true)
 }

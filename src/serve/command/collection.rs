@@ -153,7 +153,7 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let size = fields.document("cursor")?.map(|cursor| Fields::new("cursor", cursor).size("batchSize")).transpose()?;
     let batch = FirstBatch { size: size.flatten(), ..FirstBatch::default() };
     let place = Namespace { database, collection: "$cmd.listCollections".to_owned() };
-    host.answer(&place, call.request.session.as_ref(), Box::new(documents.into_iter()), batch)
+    host.answer(&place, call.request.origin(), Box::new(documents.into_iter()), batch)
 }
 
 fn described(ns: &Namespace, collation: Option<&Collation>) -> Document {

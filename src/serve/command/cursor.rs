@@ -31,6 +31,7 @@ fn more(host: &mut Host<'_>, call: &Call) -> Answer {
     };
     let collection = fields.text("collection")?.ok_or_else(|| fields.missing("collection"))?;
     let open = host.server.cursors.get(id).ok_or_else(|| not_found(id))?;
+    open.origin.check(id, &call.request.origin())?;
     let ns = &open.namespace;
     if (ns.database.as_str(), ns.collection.as_str()) != (call.request.database.as_str(), collection) {
         let message = format!(

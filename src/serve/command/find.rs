@@ -52,7 +52,7 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let size = if batch.is_only && limit > 0 { Some(limit.min(batch.size.unwrap_or(limit))) } else { batch.size };
     let documents = call.access(memory).find(&ns, &find)?;
     call.request.check_time()?;
-    host.answer(&ns, call.request.session.as_ref(), documents, FirstBatch { size, ..batch })
+    host.answer(&ns, call.request.origin(), documents, FirstBatch { size, ..batch })
 }
 
 /// The query of a `find`.

@@ -77,7 +77,7 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     }
     let size = fields.document("cursor")?.map(|cursor| Fields::new("cursor", cursor).size("batchSize")).transpose()?;
     let batch = FirstBatch { size: size.flatten(), ..FirstBatch::default() };
-    host.answer(&ns, call.request.session.as_ref(), Box::new(documents.into_iter()), batch)
+    host.answer(&ns, call.request.origin(), Box::new(documents.into_iter()), batch)
 }
 
 fn discard(memory: &Memory, call: &Call) -> Answer {

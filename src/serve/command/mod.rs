@@ -37,7 +37,6 @@ use super::client::Client;
 use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
-use super::mailbox::Mailbox;
 use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
@@ -69,6 +68,9 @@ const GROUPS: [&[Command]; 19] = [
     index::COMMANDS,
     statistics::COMMANDS,
 ];
+
+/// Writes that may be repeated.
+const RETRYABLE: [&str; 4] = ["insert", "update", "delete", "findAndModify"];
 
 /// The command about all commands.
 const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
@@ -105,6 +107,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
         let message = format!("command {} requires authentication", request.name);
         return Err(Failure::new(codes::UNAUTHORIZED, message));
     }
+    check_number(command, &request)?;
     if let Run::Here(run) = command.run {
         return run(client, &server, &request);
     }
@@ -120,6 +123,26 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     }
 }
 
+/// Refuses the number of a write that may be repeated where the command is no such write.
+fn check_number(command: &Command, request: &Request) -> Result<(), Failure> {
+    let is_numbered = request.transaction.is_some_and(|part| !part.is_multi);
+    match command.run {
+        _ if !is_numbered || RETRYABLE.contains(&command.name) => Ok(()),
+        Run::Here(_) => {
+            let message = format!("It is illegal to provide a txnNumber for the command {}", command.name);
+            Err(Failure::new(codes::NO_NUMBER, message))
+        }
+        _ => {
+            let message = format!(
+                "txnNumber may only be provided for multi-document transactions and retryable write commands. \
+                 autocommit:false was not provided, and {} is not a retryable write command.",
+                command.name
+            );
+            Err(Failure::new(codes::NOT_RETRYABLE, message))
+        }
+    }
+}
+
 /// Has something written; once, where the command has a number.
 fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> Answer {
     if host.server.options.read_only {
@@ -130,7 +153,13 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         (Some(session), Some(part)) => Some(Once { session: session.clone(), number: part.number }),
         _ => None,
     };
-    once.iter().for_each(|once| host.server.readings.end_before(once));
+    if let Some(once) = &once {
+        if host.server.readings.has(once) || host.server.sessions.has_transaction(once) {
+            let message = "Cannot retry a retryable write that has been converted into a transaction";
+            return Err(Failure::new(codes::CONVERTED, message));
+        }
+        host.server.readings.end_before(once);
+    }
     let home = home(&call.request);
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
@@ -159,6 +188,10 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         return Err(Failure::new(codes::ILLEGAL, message));
     }
     let once = Once { session: session.clone(), number: part.number };
+    if part.starts && matches!(command.name, "commitTransaction" | "abortTransaction") {
+        let message = format!("Cannot start a transaction with {}", command.name);
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
     if part.starts {
         client.transactions.insert(session.clone());
     }
@@ -180,18 +213,19 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
 fn end_transaction(host: &mut Host<'_>, once: Once, action: Action, how: How) -> Answer {
     if host.server.readings.end(&once) {
         let finished = Finished { number: once.number, how, at: Instant::now() };
-        host.server.sessions.finish(once.session, finished);
+        host.server.sessions.finish(&once.session, finished);
         return host::empty();
     }
-    let reply = host.inbox.mailbox();
-    host.submit(Job::Step(Step { once, action, reply, since: Instant::now() }))
+    host.submit(|reply| Job::Step(Step { once, action, reply, since: Instant::now() }))
 }
 
 /// Runs a command of a transaction: where it has only read, in its own thread; else by the writer.
 fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: &Arc<Call>) -> Answer {
     let ns = home(&call.request);
     let server = Arc::clone(&host.server);
-    server.readings.end_before(&once);
+    if starts {
+        server.readings.end_before(&once);
+    }
     if starts && server.readings.has(&once) {
         return Err(started(&once));
     }
@@ -209,16 +243,20 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
         && command.name == "getMore"
         && server.readings.keeps_cursor(&once, *cursor)
     {
-        return inside(host, call);
+        let answer = inside(host, call);
+        if answer.is_err() {
+            server.writer.submit(Job::abandon(vec![once.session]))?;
+        }
+        return answer;
     }
     if !is_writing && let Some(answer) = reading::run(host, &once, call)? {
         return answer;
     }
-    let snapshot = reading::snapshot(&server, &once);
+    let snapshot = reading::snapshot(host, &once)?;
     let starts = starts || snapshot.is_some();
     let action = Action::Run { starts, ns, call: Arc::clone(call), snapshot };
-    let reply: Mailbox = host.inbox.mailbox();
-    let answer = host.submit(Job::Step(Step { once: once.clone(), action, reply, since: Instant::now() }));
+    let step = |reply| Job::Step(Step { once: once.clone(), action, reply, since: Instant::now() });
+    let answer = host.submit(step);
     if answer.is_err() {
         server.readings.end(&once);
     }

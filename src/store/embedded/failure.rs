@@ -80,6 +80,12 @@ pub(super) fn io(error: &std::io::Error) -> String {
 /// Finds out from the file system why SQLite could not open the file.
 fn cannot_open(place: &Place) -> String {
     let Place::File(path) = place else { return "out of memory".to_owned() };
+    if let Err(error) = std::fs::File::open(path)
+        && let Some(error) = rustix::io::Errno::from_io_error(&error)
+        && matches!(error, rustix::io::Errno::MFILE | rustix::io::Errno::NFILE)
+    {
+        return format!("{error}; raise the limit on open files (ulimit -n)");
+    }
     if path.is_dir() {
         return "it is a directory; name a file in it".to_owned();
     }

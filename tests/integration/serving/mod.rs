@@ -59,7 +59,18 @@ impl Served {
 
     /// Serves another memory.
     fn start_memory(folder: &Path, memory: &str, options: &[&str]) -> Result<Self, Failed> {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_rmem"))
+        Self::spawn(folder, Command::new(env!("CARGO_BIN_EXE_rmem")), memory, options)
+    }
+
+    /// Serves the file of a folder by a process that may open so many files.
+    fn start_limited(folder: &Path, files: u32) -> Result<Self, Failed> {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit -n {files}; exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_rmem")]);
+        Self::spawn(folder, shell, "file:robot.rmem", &["--listen", "127.0.0.1:0"])
+    }
+
+    fn spawn(folder: &Path, mut program: Command, memory: &str, options: &[&str]) -> Result<Self, Failed> {
+        let mut child = program
             .args(["--memory", memory, "serve", "--print-uri"])
             .args(options)
             .current_dir(folder)

@@ -15,6 +15,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_that_only_reads_lets_others_write_and_sees_one_state", reading),
     ("a_transaction_that_has_read_writes_if_nothing_was_written_since", upgraded),
     ("cursors_of_a_transaction_outlive_its_first_write", cursors),
+    ("a_cursor_is_read_in_its_session_and_transaction_alone", strangers),
+    ("a_snapshot_that_cannot_be_taken_is_not_tried_again", exhausted),
     ("a_computable_runs_in_a_transaction_that_has_read", computed),
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
@@ -217,6 +219,68 @@ fn cursors() -> Result<(), Failed> {
     Ok(())
 }
 
+fn strangers() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut other = Wire::connect(served.address())?;
+    for id in 1..=9 {
+        fine(plain(&mut other, insert(id))?);
+    }
+    // A cursor is with the thread of its transaction, with the writer, and with the one beside the other.
+    for (before, behind) in [(None, None), (Some(insert(10)), None), (None, Some(insert(10)))] {
+        let mut session = Session::open(&served)?;
+        let (is_writing, lsid) = (before.is_some(), doc! { "id": session.id.clone() });
+        before.map_or(Ok(()), |first| session.run(1, true, first).map(fine))?;
+        let answer = session.run(1, !is_writing, doc! { "find": "c", "filter": {}, "batchSize": 2 })?;
+        let cursor = answer.get_document("cursor")?.get_i64("id")?;
+        behind.map_or(Ok(()), |then| session.run(1, false, then).map(fine))?;
+        let more = || doc! { "getMore": cursor, "collection": "c", "batchSize": 1 };
+        let mut with = |fields: Document| plain(&mut other, more().into_iter().chain(fields).collect());
+        refused(with(doc! {})?, 50_737);
+        refused(with(doc! { "lsid": &lsid })?, 50_740);
+        refused(with(doc! { "lsid": { "id": bson::Uuid::new() } })?, 50_738);
+        refused(with(doc! { "lsid": &lsid, "txnNumber": 1_i64 })?, 50_768);
+        // What is no transaction of the session leaves the one that is open as it is.
+        refused(session.run(2, false, more())?, 251);
+        refused(session.end(2, "commitTransaction")?, 251);
+        assert_eq!(found(&session.run(1, false, more())?, "nextBatch")?, [3]);
+        let answer = plain(&mut other, doc! { "killCursors": "c", "cursors": [cursor] })?;
+        assert_eq!(answer.get_array("cursorsKilled")?.len(), 1, "{answer}");
+        refused(session.run(1, false, more())?, 43);
+        refused(session.end(1, "abortTransaction")?, 251);
+        let written = more().into_iter().chain(doc! { "lsid": lsid, "txnNumber": 1_i64 }).collect();
+        refused(plain(&mut other, written)?, 50_768);
+    }
+    assert_eq!(count(&mut other)?, 9);
+    Ok(())
+}
+
+fn exhausted() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_limited(folder.path(), 64)?;
+    let mut session = Session::open(&served)?;
+    fine(plain(&mut session.wire, insert(1))?);
+    let mut open = Vec::new();
+    let refusal = loop {
+        session.id = bson::Uuid::new().into();
+        let answer = session.run(1, true, all())?;
+        if answer.contains_key("code") {
+            break answer;
+        }
+        open.push(session.id.clone());
+    };
+    assert!(!refusal.contains_key("errorLabels") && refusal.get_str("errmsg")?.contains("open files"), "{refusal}");
+    refused(session.end(1, "commitTransaction")?, 251);
+    // There is room again when some have ended.
+    for id in open {
+        session.id = id;
+        fine(session.end(1, "commitTransaction")?);
+    }
+    fine(plain(&mut session.wire, insert(2))?);
+    assert_eq!(count(&mut session.wire)?, 2);
+    Ok(())
+}
+
 fn computed() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let settings = "[[computable]]\nname = 'double'\ncollection = 'a.c'\nspec = \"{double: {$exists: true}}\"\ncache = '1m'\n\
@@ -271,12 +335,16 @@ fn failed() -> Result<(), Failed> {
     let served = Served::start(folder.path(), &[])?;
     let mut session = Session::open(&served)?;
     fine(session.run(1, true, insert(1))?);
+    // It is no write by itself, and not begun twice.
+    let again = insert(1).into_iter().chain(doc! { "lsid": { "id": session.id.clone() }, "txnNumber": 1_i64 });
+    refused(plain(&mut session.wire, again.collect())?, 217);
     let answer = session.run(1, false, insert(1))?;
     assert!(answer.contains_key("writeErrors"), "{answer}");
     let answer = session.run(1, false, insert(2))?;
     assert_eq!(answer.get_array("errorLabels")?, &vec![Bson::from("TransientTransactionError")]);
     refused(answer, 251);
     refused(session.end(1, "commitTransaction")?, 251);
+    refused(session.run(1, true, insert(1))?, 117);
     assert_eq!(count(&mut session.wire)?, 0);
     refused(session.run(2, true, doc! { "count": "c" })?, 263);
     Ok(())
