@@ -179,8 +179,14 @@ fn of_domain(file: &str, error: &Error) -> Option<String> {
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
     let is_file = is_of_task(file);
     let file = word(file);
-    (is_file && usage.contains("rmem plan"))
-        .then(|| format!("write: rmem plan --domain {file} --problem FILE, or --template FILE for one with queries"))
+    // The usage names `--domain` whether or not it is there.
+    let is_domain = |word: &str| word.starts_with("--domain") || (word.starts_with("-d") && !word.starts_with("--"));
+    let has_domain = std::env::args_os().any(|word| word.to_str().is_some_and(is_domain));
+    (is_file && usage.contains("rmem plan")).then(|| match has_domain {
+        true if file.contains(".pddl") && !file.contains(".pddl.") => format!("write: --problem {file}"),
+        true => format!("write: --template {file}"),
+        false => format!("write: rmem plan --domain {file} --problem FILE, or --template FILE for one with queries"),
+    })
 }
 
 /// The tip for a collection or a database in the place of a command.

@@ -10,6 +10,7 @@ use super::types::{OBJECT, TypeSet};
 use super::validation::negative_cycle;
 use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, check_doubles, twice, variables};
 use crate::formats::pddl::ast::{self, Name};
+use crate::formats::pddl::portable::moments;
 use crate::formats::pddl::{Dialect, read_domain};
 use crate::formats::{Diagnostic, Source, Span};
 
@@ -310,6 +311,12 @@ fn read_action(action: &ast::Action, resolver: &mut Resolver<'_, '_, '_>) -> Act
         resolver.scope.extend(locals);
     }
     note_typing(&variables, resolver);
+    let named = action.precondition.as_ref().and_then(moments::named);
+    if let Some(span) = named.or_else(|| action.effect.as_ref().and_then(moments::named_by)) {
+        let message = "`at start`, `at end` and `over all` stand in a :durative-action only";
+        let hint = "in an :action, conditions hold before it and effects happen at once; leave them out";
+        resolver.report.error_with(span, message, hint.to_owned());
+    }
     let condition = match &action.precondition {
         Some(condition) => resolver.condition(condition, false),
         None => Formula::truth(),
@@ -342,6 +349,15 @@ fn read_durative_action(action: &ast::DurativeAction, resolver: &mut Resolver<'_
             Formula::truth()
         }
     };
+    if let Some(span) = action.condition.as_ref().and_then(moments::unnamed) {
+        let message =
+            "no moment is named, so this is asked at the start; write (at start …), (over all …) or (at end …)";
+        resolver.report.warning(span, message);
+    }
+    if let Some(span) = action.effect.as_ref().and_then(moments::unnamed_by) {
+        let message = "no moment is named, so this happens at the end; write (at start …) or (at end …)";
+        resolver.report.warning(span, message);
+    }
     let condition = match &action.condition {
         Some(condition) => resolver.condition(condition, false),
         None => Formula::truth(),

@@ -12,7 +12,7 @@ use super::resolve::Resolver;
 use super::table::Table;
 use super::vocabulary::{ObjectEntry, add_objects};
 use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
-use crate::formats::pddl::{Dialect, read_problem};
+use crate::formats::pddl::{Dialect, RESERVED, read_problem};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// A problem whose names are all resolved against its domain.
@@ -257,6 +257,11 @@ fn counts_time(number: &Number) -> bool {
 impl Start {
     fn add(&mut self, element: &Init, resolver: &mut Resolver<'_, '_, '_>) {
         match element {
+            Init::Atom(atom) if is_formula(atom, resolver) => {
+                let message = format!("`{}` cannot stand in `:init`, which lists facts and values", atom.name);
+                let hint = "write them one after the other: (:init (NAME OBJECT …) (= (FUNCTION OBJECT …) NUMBER) …)";
+                resolver.report.error_with(atom.name.span(), message, hint.to_owned());
+            }
             Init::Atom(atom) => self.facts.extend(ground_fact(atom, resolver)),
             Init::Not(atom) => self.denied.extend(ground_fact(atom, resolver)),
             Init::At(time, becomes, atom) => {
@@ -344,6 +349,11 @@ fn constant(number: &Number) -> Option<f64> {
         },
         _ => None,
     }
+}
+
+/// Whether what stands for a fact begins with a word of conditions or effects.
+fn is_formula(atom: &Atom, resolver: &Resolver<'_, '_, '_>) -> bool {
+    RESERVED.iter().any(|word| atom.name.is(word)) && resolver.vocabulary.predicates.find(atom.name.as_str()).is_none()
 }
 
 /// A fact of objects alone; nothing where that was complained about.

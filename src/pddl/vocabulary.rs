@@ -143,7 +143,7 @@ pub(super) fn add_objects(
             if is_constant && is_same {
                 report.warning(
                     span,
-                    format!("object `{}` is a constant of the domain already; it is left out", typed.name),
+                    format!("object `{}` is a constant of the domain already; leave it out here", typed.name),
                 );
                 repeated.push(span);
             } else if is_constant {

@@ -174,7 +174,9 @@ impl<'a> PlanResult<'a> {
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         let run = &self.run;
-        let text = match (&run.outcome, run.message.as_str()) {
+        // Planners of FF's kind begin their messages so; which planner it was is said anyway.
+        let message = run.message.strip_prefix("ff: ").unwrap_or(&run.message);
+        let text = match (&run.outcome, message) {
             (Outcome::Plan(_), _) => return None,
             (outcome, message) if is_broken(outcome) && !message.is_empty() => format!("{}: {message}", run.planner),
             (Outcome::Unsolvable, message) => {

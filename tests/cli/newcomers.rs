@@ -692,7 +692,7 @@ fn a_command_without_its_subcommand_prints_its_help_and_no_error() {
 #[test]
 fn files_behind_plan_have_a_tip() {
     let lab = lab();
-    assert_run!(lab.transcript(&[&["plan", "domain.pddl", "problem.pddl"], &["plan", "domain.pddl", "my problem.pddl.j2"]]), @r"
+    assert_run!(lab.transcript(&[&["plan", "domain.pddl", "problem.pddl"], &["plan", "domain.pddl", "my problem.pddl.j2"], &["plan", "-d", "domain.pddl", "my problem.pddl"], &["plan", "--domain=domain.pddl", "p.pddl.j2"]]), @r#"
     $ rmem plan domain.pddl problem.pddl
     ------- stderr -------
     error: unrecognized subcommand 'domain.pddl'
@@ -715,7 +715,29 @@ fn files_behind_plan_have_a_tip() {
 
     For more information, try '--help'.
     [exit code: 2]
-    ");
+    $ rmem plan -d domain.pddl 'my problem.pddl'
+    ------- stderr -------
+    error: unrecognized subcommand 'my problem.pddl'
+
+      tip: write: --problem "my problem.pddl"
+
+    Usage: rmem plan [OPTIONS] --domain <FILE> <--problem <FILE>|--template <FILE>>
+           rmem plan [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    $ rmem plan --domain=domain.pddl p.pddl.j2
+    ------- stderr -------
+    error: unrecognized subcommand 'p.pddl.j2'
+
+      tip: write: --template p.pddl.j2
+
+    Usage: rmem plan [OPTIONS] --domain <FILE> <--problem <FILE>|--template <FILE>>
+           rmem plan [OPTIONS] <COMMAND>
+
+    For more information, try '--help'.
+    [exit code: 2]
+    "#);
 }
 
 #[test]

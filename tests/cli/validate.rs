@@ -153,6 +153,88 @@ fn a_trace_says_what_each_step_makes_true_and_false() {
     ");
 }
 
+#[test]
+fn moments_stand_in_durative_actions_where_each_condition_and_effect_has_one() {
+    let lab = Lab::new();
+    let head = "(define (domain d) (:requirements :durative-actions) (:predicates (p ?x) (q ?x))\n";
+    let instant = "(:action act :parameters (?x) :precondition (over all (p ?x)) :effect (at end (q ?x))))";
+    lab.write("instant.pddl", &format!("{head}{instant}"));
+    assert_run!(lab.rmem(&["validate", "instant.pddl"]), @r"
+    ------- stderr -------
+    error: instant.pddl:2:45: `at start`, `at end` and `over all` stand in a :durative-action only
+      |
+    2 | (:action act :parameters (?x) :precondition (over all (p ?x)) :effect (at end (q ?x))))
+      |                                             ^^^^^^^^^^^^^^^^^
+      = hint: in an :action, conditions hold before it and effects happen at once; leave them out
+    [exit code: 3]
+    ");
+    let timeless = "(:durative-action act :parameters (?x) :duration (= ?duration 2)\n\
+                    :condition (and (at start (q ?x)) (p ?x))\n:effect (and (at start (not (p ?x))) (q ?x))))";
+    lab.write("timeless.pddl", &format!("{head}{timeless}"));
+    assert_run!(lab.rmem(&["validate", "timeless.pddl"]), @r"
+    domain d is valid
+    ------- stderr -------
+    warning: timeless.pddl:3:35: no moment is named, so this is asked at the start; write (at start …), (over all …) or (at end …)
+      |
+    3 | :condition (and (at start (q ?x)) (p ?x))
+      |                                   ^^^^^^
+    warning: timeless.pddl:4:38: no moment is named, so this happens at the end; write (at start …) or (at end …)
+      |
+    4 | :effect (and (at start (not (p ?x))) (q ?x))))
+      |                                      ^^^^^^
+    [exit code: 0]
+    ");
+    let precondition = "(:durative-action act :parameters (?x) :duration (= ?duration 2) :precondition (p ?x)))";
+    lab.write("precondition.pddl", &format!("{head}{precondition}"));
+    assert_run!(lab.rmem(&["validate", "precondition.pddl"]), @r"
+    ------- stderr -------
+    error: precondition.pddl:2:66: in action `act`: expected `)`, `:condition`, `:duration`, `:effect`, or `:parameters (…)`, found `:precondition`
+      |
+    2 | (:durative-action act :parameters (?x) :duration (= ?duration 2) :precondition (p ?x)))
+      |                                                                  ^^^^^^^^^^^^^
+      = hint: this is written (:durative-action NAME :parameters (…) :duration (= ?duration …) :condition (…) :effect (…))
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn what_is_no_fact_in_the_initial_state_is_named() {
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (p ?x) (q ?x)))");
+    lab.write("p.pddl", "(define (problem a) (:domain d) (:objects o) (:init (and (p o) (q o))) (:goal (p o)))");
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl"]), @r"
+    ------- stderr -------
+    error: p.pddl:1:54: `and` cannot stand in `:init`, which lists facts and values
+      |
+    1 | (define (problem a) (:domain d) (:objects o) (:init (and (p o) (q o))) (:goal (p o)))
+      |                                                      ^^^
+      = hint: write them one after the other: (:init (NAME OBJECT …) (= (FUNCTION OBJECT …) NUMBER) …)
+    [exit code: 3]
+    ");
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (and ?x)))");
+    lab.write("p.pddl", "(define (problem a) (:domain d) (:objects o) (:init (and o)) (:goal (and)))");
+    lab.rmem(&["validate", "d.pddl", "p.pddl"]).success();
+}
+
+#[test]
+fn a_bracket_that_the_last_action_lacks_is_said_where_it_lacks() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:predicates (p) (q))\n(:action act :precondition (and (p)\n:effect (q)))\n",
+    );
+    assert_run!(lab.rmem(&["validate", "d.pddl"]), @r"
+    ------- stderr -------
+    error: d.pddl:3:1: in action `act`, in its precondition: expected `)` or a condition, found `:effect`
+      |
+    3 | :effect (q)))
+      | ^^^^^^^
+      = hint: this is written (:action NAME :parameters (…) :precondition (…) :effect (…))
+    [exit code: 3]
+    ");
+}
+
 /// A domain with a constant, and a dash without its blank.
 const SCENARIO: &str = "(define (domain hello) (:requirements :typing) (:types text robot)
  (:constants HELLO - text) (:predicates (said ?t - text ?r - robot))
@@ -173,7 +255,7 @@ fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
       |
     3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
       |                               ^^^^^^
-    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; it is left out
+    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; leave it out here
       |
     1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
       |                                               ^^^^^
@@ -191,7 +273,7 @@ fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
       |
     3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
       |                               ^^^^^^
-    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; it is left out
+    warning: p.pddl:1:47: object `HELLO` is a constant of the domain already; leave it out here
       |
     1 | (define (problem p) (:domain hello) (:objects HELLO BYE - text R1 -robot) (:init) (:goal (said HELLO
       |                                               ^^^^^
@@ -210,7 +292,7 @@ fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
       |
     3 |  (:action say :parameters (?r -robot ?t - text) :effect (said ?t ?r)))
       |                               ^^^^^^
-    warning: t.j2:2:11: object `HELLO` is a constant of the domain already; it is left out
+    warning: t.j2:2:11: object `HELLO` is a constant of the domain already; leave it out here
       |
     2 | (:objects {{ 'HELLO' }} - text R1 - robot)
       |           ^^^^^^^^^^^^^

@@ -23,9 +23,8 @@ pub(super) struct Outline {
 pub(super) enum Flaw {
     /// The brackets are in order, something else is not.
     Plain(Diagnostic),
-    /// A list is not closed: what to say, unless the section that begins at `.1` and
-    /// goes on to `.2` has a fault of its own that says more.
-    Unclosed(Diagnostic, usize, usize),
+    /// A list is not closed: what to say, unless the section at `.1` has a fault of its own that says more.
+    Unclosed(Diagnostic, Span),
 }
 
 /// Words that begin a section, and nothing else.
@@ -159,7 +158,13 @@ impl Scan<'_> {
         let (line, column) = self.source.position(innermost);
         let diagnostic = Diagnostic::new(self.source, here, format!("expected `)`, found {found}"))
             .hint(format!("the list opened at {line}:{column} is not closed"));
-        Flaw::Unclosed(diagnostic, self.open.get(1).copied().unwrap_or(here.start), here.start)
+        let section = match (self.open.get(1), self.lists.last()) {
+            (Some(start), _) => Span::new(*start, here.start),
+            // Where only the whole is not closed, the last section may have taken its bracket.
+            (None, Some(last)) => *last,
+            (None, None) => here,
+        };
+        Flaw::Unclosed(diagnostic, section)
     }
 
     fn trailing(&self, here: Span) -> Flaw {

@@ -97,7 +97,7 @@ impl<'a> Reader<'a> {
     fn outline(&mut self, dialect: Dialect) -> Result<Outline, Diagnostic> {
         outline(self.source, dialect).map_err(|flaw| match flaw {
             Flaw::Plain(diagnostic) => diagnostic,
-            Flaw::Unclosed(diagnostic, start, end) => self.own_fault(Span::new(start, end)).unwrap_or(diagnostic),
+            Flaw::Unclosed(diagnostic, section) => self.own_fault(section).unwrap_or(diagnostic),
         })
     }
 

@@ -71,6 +71,10 @@ fn place(source: &Source, section: Span, keyword: &str, at: usize) -> String {
         }
     }
     let name = name.map_or_else(|| format!("in an {kind}"), |name| format!("in {kind} `{name}`"));
+    if depth == 1 && source.text().get(at..).is_some_and(|rest| rest.starts_with(':')) {
+        // The next part, or what stands in its place.
+        return name;
+    }
     match part.as_deref() {
         Some(part @ ("parameters" | "vars" | "precondition" | "condition" | "duration" | "effect")) => {
             format!("{name}, in its {part}")

@@ -101,7 +101,7 @@ fn a_failure_is_reported_in_the_memorys_names_in_clips_too() {
     let actions = "(bind ?p (rm-gen-problem \"problem.pddl.j2\")) (printout t (rm-plan \"domain.pddl\" ?p))";
     assert_run!(run(&lab, actions), @r#"
     FALSE------- stderr -------
-    [RMEM5] Function 'rm-plan': builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    [RMEM5] Function 'rm-plan': builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (lit "lamp #18"), which can never hold
            (light "lamp #18") would make it true, but needs (wick "lamp #18")
          and (wick "lamp #18"), which can never hold: no action makes it true

@@ -39,7 +39,7 @@ fn a_plan_that_does_not_hold_is_none() {
     let problem = "(define (problem p) (:domain d) (:init (z)) (:goal (not (z))))";
     assert_run!(planned(&Lab::new(), domain, problem), @r"
     ------- stderr -------
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it
     why: each condition of the goal could be reached if nothing were ever undone; what actions delete, numbers or times stand in the way
     change the goal, the initial state, or the actions of the domain
     [exit code: 11]

@@ -61,7 +61,7 @@ fn an_import_says_what_is_odd_in_what_it_read() {
       |
     2 |       (:action go :parameters (?x) :precondition (not (b)) :effect (b)))
       |                                                       ^^^
-    warning: p.j2:1:43: object `o` is a constant of the domain already; it is left out
+    warning: p.j2:1:43: object `o` is a constant of the domain already; leave it out here
       |
     1 | (define (problem p) (:domain d) (:objects o) (:init (a) (a)) (:goal (b)))
       |                                           ^

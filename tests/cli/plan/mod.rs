@@ -190,7 +190,7 @@ fn no_plan_is_11_where_it_is_proven_and_stored_as_a_failure() {
     assert_run!(lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]), @r"
     ------- stderr -------
     stored in robmem.plans as [ID]
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (q), which can never hold
            (a) would make it true, but needs (q)
     never true, in the initial state or by an action: q
@@ -208,7 +208,7 @@ fn why_there_is_no_plan_is_printed_and_stored() {
     assert_run!(lab.rmem(&[&["plan"], &task[..]].concat()), @r"
     ------- stderr -------
     stored in robmem.plans as [ID]
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (lit), which can never hold
            (switch-on ?s) would make it true, but needs (on-stool)
          and (on-stool), which can never hold

@@ -129,7 +129,7 @@ fn explanations_checks_and_drawings_have_names_as_the_memory_has_them() {
         alone  together  condition
             0         0  {"name":"box #18"}
                          {name: "box#17"} matches 1 document
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it
     why: the goal asks for (lit "box #18"), which can never hold
            (light "box #18") would make it true, but needs (wick "box #18")
          and (wick "box #18"), which can never hold: no action makes it true

@@ -43,7 +43,7 @@ fn a_battery_below_what_every_way_needs_is_a_proof() {
     ");
     assert_run!(planned(ROBOT, &trip(5)), @r"
     ------- stderr -------
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it: (>= (battery) 6) can never hold: (battery) is always 5
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it: (>= (battery) 6) can never hold: (battery) is always 5
     why: each condition of the goal could be reached if nothing were ever undone; what actions delete, numbers or times stand in the way
     change the goal, the initial state, or the actions of the domain
     [exit code: 11]
@@ -55,7 +55,7 @@ fn a_number_that_never_gets_there_is_named() {
     let problem = trip(11).replace("(at field)))", "(and (at field) (> (battery) 20))))");
     assert_run!(planned(ROBOT, &problem), @r"
     ------- stderr -------
-    error: builtin: proven: no plan exists: ff: goal can be simplified to FALSE. No plan will solve it: (> (battery) 20) can never hold: (battery) is at most 11
+    error: builtin: proven: no plan exists: goal can be simplified to FALSE. No plan will solve it: (> (battery) 20) can never hold: (battery) is at most 11
     why: each condition of the goal could be reached if nothing were ever undone; what actions delete, numbers or times stand in the way
     change the goal, the initial state, or the actions of the domain
     [exit code: 11]

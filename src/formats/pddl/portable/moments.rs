@@ -1,6 +1,7 @@
-//! Which moments of a durative action a conditional effect is about.
+//! Which moments of a durative action its conditions and effects are about.
 
-use crate::formats::pddl::ast::{Condition, ConditionKind, Effect, EffectKind, Moment};
+use crate::formats::Span;
+use crate::formats::pddl::ast::{Condition, ConditionKind, Effect, EffectKind, Expression, Moment};
 
 /// The moment that a condition and the effect under it are both about, and nothing else.
 pub(crate) fn joint_moment(condition: &Condition, effect: &Effect) -> Option<Moment> {
@@ -11,15 +12,71 @@ pub(crate) fn joint_moment(condition: &Condition, effect: &Effect) -> Option<Mom
 
 /// Whether a condition names a moment of a durative action.
 pub(crate) fn names_moment(condition: &Condition) -> bool {
+    named(condition).is_some()
+}
+
+/// Where a condition names a moment of a durative action first.
+pub(crate) fn named(condition: &Condition) -> Option<Span> {
     match &condition.kind {
-        ConditionKind::Timed(..) => true,
-        ConditionKind::And(parts) | ConditionKind::Or(parts) => parts.iter().any(names_moment),
-        ConditionKind::Imply(left, right) => names_moment(left) || names_moment(right),
+        ConditionKind::Timed(..) => Some(condition.place.0),
+        ConditionKind::Atom(_) | ConditionKind::Comparison(..) | ConditionKind::Modal(..) => None,
+        _ => parts(condition).into_iter().find_map(named),
+    }
+}
+
+/// Where an effect names a moment of a durative action first, itself or in what it hangs on.
+pub(crate) fn named_by(effect: &Effect) -> Option<Span> {
+    match &effect.kind {
+        EffectKind::Timed(..) => Some(effect.place.0),
+        EffectKind::And(parts) => parts.iter().find_map(named_by),
+        EffectKind::Forall(_, inner) => named_by(inner),
+        EffectKind::When(condition, inner) => named(condition).or_else(|| named_by(inner)),
+        EffectKind::Add(_) | EffectKind::Delete(_) | EffectKind::Assign(..) => None,
+    }
+}
+
+/// Where a condition of a durative action first asks something and does not say at which moment.
+pub(crate) fn unnamed(condition: &Condition) -> Option<Span> {
+    match &condition.kind {
+        ConditionKind::Timed(..) => None,
+        ConditionKind::Atom(_) | ConditionKind::Comparison(..) | ConditionKind::Modal(..) => Some(condition.place.0),
+        _ => parts(condition).into_iter().find_map(unnamed),
+    }
+}
+
+/// Where an effect of a durative action first does something and does not say at which moment. A change that goes on over
+/// its time, by `#t`, has none.
+pub(crate) fn unnamed_by(effect: &Effect) -> Option<Span> {
+    match &effect.kind {
+        EffectKind::Timed(..) => None,
+        EffectKind::And(parts) => parts.iter().find_map(unnamed_by),
+        EffectKind::Forall(_, inner) | EffectKind::When(_, inner) => unnamed_by(inner),
+        EffectKind::Assign(_, _, value) if has_elapsed(value) => None,
+        EffectKind::Add(_) | EffectKind::Delete(_) | EffectKind::Assign(..) => Some(effect.place.0),
+    }
+}
+
+fn has_elapsed(expression: &Expression) -> bool {
+    match expression {
+        Expression::Elapsed(_) => true,
+        Expression::Operation(_, operands, _) => operands.iter().any(has_elapsed),
+        Expression::Number(..) | Expression::Term(_) => false,
+    }
+}
+
+/// The conditions that one is made of.
+fn parts(condition: &Condition) -> Vec<&Condition> {
+    match &condition.kind {
+        ConditionKind::And(parts) | ConditionKind::Or(parts) | ConditionKind::Modal(_, _, parts) => {
+            parts.iter().collect()
+        }
+        ConditionKind::Imply(left, right) => vec![&**left, &**right],
         ConditionKind::Not(inner)
         | ConditionKind::Forall(_, inner)
         | ConditionKind::Exists(_, inner)
-        | ConditionKind::Preference(_, inner) => names_moment(inner),
-        ConditionKind::Atom(_) | ConditionKind::Comparison(..) | ConditionKind::Modal(..) => false,
+        | ConditionKind::Timed(_, inner)
+        | ConditionKind::Preference(_, inner) => vec![&**inner],
+        ConditionKind::Atom(_) | ConditionKind::Comparison(..) => Vec::new(),
     }
 }
 
