@@ -70,14 +70,23 @@ pub(super) struct Lazy<'t> {
     paid: Vec<u64>,
     /// The accepted landmarks of each state.
     accepted: Vec<u64>,
-    /// By estimate: all and preferred operators, first of the relaxed plan, then of the landmarks.
+    /// By estimate: all and preferred operators, first of the relaxed plan, then of the landmarks. All operators of a state
+    /// wait as one entry, with how many of them were taken.
     lists: [OpenList; 4],
+    /// The operators of the state that is next in each of the lists of all operators.
+    next: [Successors; 2],
     best: [u32; 2],
     /// Work besides the relaxed task's.
     work: u64,
     /// How many states were estimated.
     pub(super) evaluated: usize,
     scratch: Scratch,
+}
+
+/// The operators that are applicable in a state.
+struct Successors {
+    state: StateId,
+    operators: Vec<OperatorId>,
 }
 
 #[derive(Default)]
@@ -98,7 +107,7 @@ impl<'t> Lazy<'t> {
         aim: Aim,
     ) -> Self {
         let mut lists: [OpenList; 4] = Default::default();
-        lists[0].push(0, (NO_STATE, ROOT));
+        lists[0].push(0, (NO_STATE, 0));
         let scratch = Scratch {
             state: aim.init.clone(),
             applicable: Vec::new(),
@@ -117,6 +126,7 @@ impl<'t> Lazy<'t> {
             paid: Vec::new(),
             accepted: Vec::new(),
             lists,
+            next: [(); 2].map(|()| Successors { state: NO_STATE, operators: vec![ROOT] }),
             best: [u32::MAX; 2],
             work: 0,
             evaluated: 0,
@@ -140,8 +150,8 @@ impl<'t> Lazy<'t> {
     }
 
     fn bytes(&self) -> usize {
-        let entries: usize = self.lists.iter().map(OpenList::len).sum();
-        self.space.bytes() + (self.accepted.capacity() + self.paid.capacity()) * 8 + entries * 12
+        let entries: usize = self.lists.iter().map(OpenList::bytes).sum();
+        self.space.bytes() + (self.accepted.capacity() + self.paid.capacity()) * 8 + entries
     }
 
     /// Searches until so much work is done, in so many bytes.
@@ -150,7 +160,7 @@ impl<'t> Lazy<'t> {
         while self.work() - start < work {
             let Some(list) = self.next_list() else { return Step::Exhausted };
             self.lists[list].priority += 1;
-            let Some((parent, operator)) = self.lists[list].pop() else { return Step::Exhausted };
+            let Some((parent, operator)) = self.take(list) else { return Step::Exhausted };
             self.work += 4;
             if let Some(plan) = self.visit(parent, operator) {
                 return Step::Plan(plan);
@@ -166,6 +176,28 @@ impl<'t> Lazy<'t> {
     fn next_list(&self) -> Option<usize> {
         let open = (0..self.lists.len()).filter(|list| !self.lists[*list].is_empty());
         open.min_by_key(|list| self.lists[*list].priority)
+    }
+
+    /// Takes what is next from a list.
+    fn take(&mut self, list: usize) -> Option<(StateId, OperatorId)> {
+        if list % 2 == 1 {
+            return self.lists[list].pop();
+        }
+        let next = &mut self.next[list / 2];
+        let (state, taken) = self.lists[list].front()?;
+        if next.state != *state {
+            let facts = &mut self.scratch.state;
+            self.space.state(*state, facts);
+            next.state = *state;
+            applicable(self.task, self.generator, self.aim.ties, facts, &mut next.operators);
+        }
+        let operator = next.operators[*taken as usize];
+        let found = (*state, operator);
+        *taken += 1;
+        if *taken as usize == next.operators.len() {
+            self.lists[list].pop();
+        }
+        Some(found)
     }
 
     /// Makes the state that an operator leads to, and expands it; returns a plan where it is a goal.
@@ -264,31 +296,39 @@ impl<'t> Lazy<'t> {
 
     /// Appends what is applicable to the open lists.
     fn expand(&mut self, id: StateId, state: &[Fact], preferred: &[OperatorId], keys: [u32; 2]) {
-        let Scratch { applicable, is_preferred, accepted, .. } = &mut self.scratch;
-        applicable.clear();
-        self.generator.applicable(self.task, state, applicable);
-        if self.aim.ties == Ties::Last {
-            applicable.reverse();
+        let Scratch { applicable: operators, is_preferred, accepted, .. } = &mut self.scratch;
+        applicable(self.task, self.generator, self.aim.ties, state, operators);
+        self.work += operators.len() as u64 * 2 + 16;
+        if operators.is_empty() {
+            return;
         }
-        self.work += applicable.len() as u64 * 2 + 16;
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = true);
         let achieves = |operator: &OperatorId| {
             self.counter.achieves(self.task, state, accepted, &self.task.operators[*operator as usize])
         };
-        let achieved: Vec<Achieved> = applicable.iter().map(achieves).collect();
+        let achieved: Vec<Achieved> = operators.iter().map(achieves).collect();
         // Disjunctive landmarks count where no simple one can be achieved.
         let most = achieved.iter().copied().max().unwrap_or(Achieved::Nothing);
         let heuristics = if self.counter.words() > 0 { 2 } else { 1 };
-        for (operator, achieved) in applicable.iter().zip(achieved) {
-            let is_next = most > Achieved::Nothing && achieved == most;
-            for (place, key) in keys.into_iter().enumerate().take(heuristics) {
-                self.lists[place * 2].push(key, (id, *operator));
+        for (place, key) in keys.into_iter().enumerate().take(heuristics) {
+            self.lists[place * 2].push(key, (id, 0));
+            for (operator, achieved) in operators.iter().zip(&achieved) {
+                let is_next = most > Achieved::Nothing && *achieved == most;
                 if is_next || is_preferred[*operator as usize] {
                     self.lists[place * 2 + 1].push(key, (id, *operator));
                 }
             }
         }
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = false);
+    }
+}
+
+/// Finds the operators that are applicable in a state, in the order in which they are tried.
+fn applicable(task: &Task, generator: &Generator, ties: Ties, state: &[Fact], found: &mut Vec<OperatorId>) {
+    found.clear();
+    generator.applicable(task, state, found);
+    if ties == Ties::Last {
+        found.reverse();
     }
 }
 

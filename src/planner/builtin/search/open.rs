@@ -5,15 +5,15 @@ use std::collections::VecDeque;
 use super::state::StateId;
 use super::task::OperatorId;
 
-/// A state and an operator that is applicable in it.
+/// A state, and an operator that is applicable in it or how many of those were taken.
 pub(super) type Entry = (StateId, OperatorId);
 
 /// A queue for each estimate.
 #[derive(Debug, Default)]
 pub(super) struct OpenList {
-    buckets: Vec<VecDeque<Entry>>,
+    buckets: Vec<Queue>,
     /// Entries whose estimates are larger than any bucket's.
-    rest: std::collections::BTreeMap<u32, VecDeque<Entry>>,
+    rest: std::collections::BTreeMap<u32, Queue>,
     first: usize,
     len: usize,
     /// How often it was asked, less what it was promised (Richter and Westphal 2010: alternation and boosting).
@@ -23,42 +23,94 @@ pub(super) struct OpenList {
 /// The number of buckets.
 const BUCKETS: usize = 1 << 14;
 
+/// The entries that get and free their memory together.
+const BLOCK: usize = 256;
+
+/// Entries in the order in which they came.
+#[derive(Debug, Default)]
+struct Queue {
+    blocks: VecDeque<Vec<Entry>>,
+    /// How many were taken from the first block.
+    taken: usize,
+}
+
+impl Queue {
+    fn push(&mut self, entry: Entry) {
+        match self.blocks.back_mut() {
+            Some(block) if block.len() < BLOCK => block.push(entry),
+            // A queue that stays short takes little.
+            None => self.blocks.push_back(vec![entry]),
+            Some(_) => {
+                let mut block = Vec::with_capacity(BLOCK);
+                block.push(entry);
+                self.blocks.push_back(block);
+            }
+        }
+    }
+
+    fn front(&mut self) -> Option<&mut Entry> {
+        self.blocks.front_mut()?.get_mut(self.taken)
+    }
+
+    fn pop(&mut self) -> Option<Entry> {
+        let block = self.blocks.front()?;
+        let entry = block.get(self.taken).copied();
+        self.taken += 1;
+        if self.taken >= block.len() {
+            self.blocks.pop_front();
+            self.taken = 0;
+        }
+        entry
+    }
+
+    fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
+    }
+}
+
 impl OpenList {
     pub(super) fn push(&mut self, estimate: u32, entry: Entry) {
         self.len += 1;
         let bucket = estimate as usize;
         if bucket >= BUCKETS {
-            self.rest.entry(estimate).or_default().push_back(entry);
+            self.rest.entry(estimate).or_default().push(entry);
             return;
         }
         if bucket >= self.buckets.len() {
-            self.buckets.resize_with(bucket + 1, VecDeque::new);
+            self.buckets.resize_with(bucket + 1, Queue::default);
         }
-        self.buckets[bucket].push_back(entry);
+        self.buckets[bucket].push(entry);
         self.first = self.first.min(bucket);
     }
 
-    pub(super) fn pop(&mut self) -> Option<Entry> {
-        while let Some(bucket) = self.buckets.get_mut(self.first) {
-            if let Some(entry) = bucket.pop_front() {
-                self.len -= 1;
-                return Some(entry);
-            }
-            // Memory of thousands of entries is freed.
-            *bucket = VecDeque::new();
+    /// The entry that comes next, to be changed in its place.
+    pub(super) fn front(&mut self) -> Option<&mut Entry> {
+        while self.buckets.get(self.first).is_some_and(Queue::is_empty) {
             self.first += 1;
         }
-        let (estimate, queue) = self.rest.iter_mut().next()?;
-        let (estimate, entry) = (*estimate, queue.pop_front());
-        if queue.is_empty() {
-            self.rest.remove(&estimate);
+        match self.buckets.get_mut(self.first) {
+            Some(queue) => queue.front(),
+            None => self.rest.iter_mut().next()?.1.front(),
         }
-        self.len -= usize::from(entry.is_some());
+    }
+
+    pub(super) fn pop(&mut self) -> Option<Entry> {
+        self.front()?;
+        self.len -= 1;
+        if let Some(queue) = self.buckets.get_mut(self.first) {
+            return queue.pop();
+        }
+        let mut queue = self.rest.first_entry()?;
+        let entry = queue.get_mut().pop();
+        if queue.get().is_empty() {
+            queue.remove();
+        }
         entry
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.len
+    /// Returns about how many bytes its entries take.
+    pub(super) fn bytes(&self) -> usize {
+        self.len * size_of::<Entry>() + self.buckets.len() * size_of::<Queue>()
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -90,5 +142,32 @@ mod tests {
         list.push(2, (2, 0));
         assert_eq!(list.pop(), Some((2, 0)));
         assert_eq!((list.pop(), list.pop()), (Some((1, 0)), None));
+    }
+
+    #[test]
+    fn entries_keep_their_order_over_many_blocks() {
+        let mut list = OpenList::default();
+        let (mut pushed, mut taken) = (0, 0);
+        for round in 0..6 * BLOCK as StateId {
+            for _ in 0..1 + round % 3 {
+                list.push(1, (pushed, 0));
+                pushed += 1;
+            }
+            assert_eq!(list.pop(), Some((taken, 0)));
+            taken += 1;
+        }
+        assert!(std::iter::from_fn(|| list.pop()).map(|(id, _)| id).eq(taken..pushed));
+        assert!(list.is_empty() && list.front().is_none());
+    }
+
+    #[test]
+    fn what_comes_next_is_changed_in_its_place() {
+        let mut list = OpenList::default();
+        [(3, 0), (3, 1), (1 << 20, 2)].into_iter().for_each(|(estimate, id)| list.push(estimate, (id, 0)));
+        for expected in [(0, 1), (1, 1), (2, 1)] {
+            list.front().unwrap().1 += 1;
+            assert_eq!(list.pop(), Some(expected));
+        }
+        assert_eq!(list.pop(), None);
     }
 }

@@ -127,7 +127,10 @@ impl Space {
     }
 
     fn grow(&mut self) {
-        self.table = vec![NO_STATE; self.table.len() * 2];
+        let places = self.table.len() * 2;
+        // The old table is gone before there is a new one.
+        self.table = Vec::new();
+        self.table = vec![NO_STATE; places];
         let mask = self.table.len() - 1;
         for id in 0..self.parents.len() as StateId {
             let mut place = hash::words(self.packed(id)) as usize & mask;

@@ -22,7 +22,7 @@ const WORDS: usize = 4;
 const PAIRED: usize = 1_500;
 
 /// Most bytes for pairs.
-const PAIR_BYTES: usize = 256 << 20;
+const PAIR_BYTES: usize = 128 << 20;
 
 /// No number.
 const NONE: u32 = u32::MAX;
@@ -30,13 +30,65 @@ const NONE: u32 = u32::MAX;
 /// A set of facts, or of pairs.
 type Bits = Vec<u64>;
 
+/// The facts that a relaxed plan achieves, in order.
+enum Planned {
+    List(Box<[Fact]>),
+    Set(Box<[u64]>),
+}
+
+impl Planned {
+    /// Keeps facts in whichever form is smaller.
+    fn new(mut facts: Vec<Fact>, count: usize) -> Self {
+        if facts.len() * size_of::<Fact>() <= count / 8 {
+            facts.sort_unstable();
+            return Self::List(facts.into());
+        }
+        let mut bits = vec![0; count.div_ceil(64)];
+        facts.iter().for_each(|fact| bits[*fact as usize / 64] |= 1 << (fact % 64));
+        Self::Set(bits.into())
+    }
+
+    fn bytes(&self) -> usize {
+        let parts = match self {
+            Self::List(facts) => size_of_val::<[Fact]>(facts),
+            Self::Set(bits) => size_of_val::<[u64]>(bits),
+        };
+        size_of::<Self>() + parts
+    }
+
+    /// Returns the place of a fact, where it is one of them.
+    fn place(&self, fact: Fact) -> Option<usize> {
+        match self {
+            Self::List(facts) => facts.binary_search(&fact).ok(),
+            Self::Set(bits) => {
+                let (word, bit) = (fact as usize / 64, 1_u64 << (fact % 64));
+                let before = |bits: &[u64]| bits.iter().map(|bits| bits.count_ones() as usize).sum::<usize>();
+                (bits[word] & bit != 0).then(|| before(&bits[..word]) + (bits[word] & (bit - 1)).count_ones() as usize)
+            }
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Node {
     /// Landmarks left.
     left: u32,
+    /// What is achieved: shared with the states before where nothing is added.
+    mark: u32,
+}
+
+/// What was achieved of a relaxed plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Mark {
     /// The relaxed plan that counts.
     plan: u32,
     achieved: [u64; WORDS],
+}
+
+impl Mark {
+    fn count(&self) -> u32 {
+        self.achieved.iter().map(|word| word.count_ones()).sum()
+    }
 }
 
 /// The search, which can be continued.
@@ -48,12 +100,14 @@ pub(super) struct Width<'t> {
     relaxed: Relaxed,
     space: Space,
     nodes: Vec<Node>,
+    achieved: Vec<Mark>,
     accepted: Vec<u64>,
-    /// For each relaxed plan, the bits of its facts.
-    plans: Vec<NumberMap<Fact, u32>>,
+    plans: Vec<Planned>,
     /// By landmarks left and achieved facts.
     seen: NumberMap<u64, (Bits, Option<Bits>)>,
+    /// The bytes of pairs and of relaxed plans.
     pair_bytes: usize,
+    plan_bytes: usize,
     /// By novelty.
     lists: [OpenList; 3],
     work: u64,
@@ -72,10 +126,12 @@ impl<'t> Width<'t> {
             relaxed,
             space: Space::new(task),
             nodes: Vec::new(),
+            achieved: Vec::new(),
             accepted: Vec::new(),
             plans: Vec::new(),
             seen: NumberMap::default(),
             pair_bytes: 0,
+            plan_bytes: 0,
             lists: Default::default(),
             work: 0,
             state: task.init.clone(),
@@ -90,13 +146,10 @@ impl<'t> Width<'t> {
     }
 
     fn bytes(&self) -> usize {
-        let entries: usize = self.lists.iter().map(OpenList::len).sum();
-        let sets = self.seen.len() * (self.task.facts() / 8 + 64) + self.pair_bytes;
-        self.space.bytes()
-            + self.nodes.capacity() * size_of::<Node>()
-            + self.accepted.capacity() * 8
-            + entries * 12
-            + sets
+        let entries: usize = self.lists.iter().map(OpenList::bytes).sum();
+        let sets = self.seen.len() * (self.task.facts() / 8 + 64) + self.pair_bytes + self.plan_bytes;
+        let nodes = self.nodes.capacity() * size_of::<Node>() + self.achieved.capacity() * size_of::<Mark>();
+        self.space.bytes() + nodes + self.accepted.capacity() * 8 + entries + sets
     }
 
     /// Returns how much work was done.
@@ -169,42 +222,52 @@ impl<'t> Width<'t> {
         let left = self.counter.count(task, state, &self.marks);
         self.accepted.extend_from_slice(&self.marks);
         let above = (parent != NO_STATE).then(|| self.nodes[parent as usize]);
-        let node = match above {
+        let mark = match above {
             Some(above) if left >= above.left => {
-                let mut achieved = above.achieved;
-                if let Some(plan) = self.plans.get(above.plan as usize) {
+                let mut mark = self.achieved[above.mark as usize];
+                if let Some(plan) = self.plans.get(mark.plan as usize) {
                     let new = state[..task.len()].iter().zip(before).filter(|(fact, old)| fact != old);
-                    for bit in new.filter_map(|(fact, _)| plan.get(fact)) {
-                        achieved[*bit as usize / 64 % WORDS] |= 1 << (bit % 64);
+                    for bit in new.filter_map(|(fact, _)| plan.place(*fact)) {
+                        mark.achieved[bit / 64 % WORDS] |= 1 << (bit % 64);
                     }
                 }
-                Node { left, plan: above.plan, achieved }
+                mark
             }
             _ => {
                 let estimate = self.relaxed.estimate(state, &task.goal);
                 if estimate.value.is_none() {
                     // No plan leads on from here.
-                    self.nodes.push(Node { left, plan: NONE, achieved: [0; WORDS] });
+                    self.note(above, left, Mark { plan: NONE, achieved: [0; WORDS] });
                     return;
                 }
                 let facts = self
                     .relaxed
                     .planned()
                     .iter()
-                    .filter(|fact| (**fact as usize) < task.facts() && state[task.variable(**fact)] != **fact);
-                let mut plan: NumberMap<Fact, u32> = NumberMap::default();
-                plan.extend(facts.enumerate().map(|(place, fact)| (*fact, place as u32)));
+                    .copied()
+                    .filter(|fact| (*fact as usize) < task.facts() && state[task.variable(*fact)] != *fact);
+                let plan = Planned::new(facts.collect(), task.facts());
+                self.plan_bytes += plan.bytes();
                 self.plans.push(plan);
-                Node { left, plan: self.plans.len() as u32 - 1, achieved: [0; WORDS] }
+                Mark { plan: self.plans.len() as u32 - 1, achieved: [0; WORDS] }
             }
         };
-        self.nodes.push(node);
-        let count: u32 = node.achieved.iter().map(|word| word.count_ones()).sum();
-        let is_alike = above.is_some_and(|above| {
-            above.left == left && above.achieved.iter().map(|word| word.count_ones()).sum::<u32>() == count
-        });
+        let before_it = above.map(|above| (above.left, self.achieved[above.mark as usize].count()));
+        let count = mark.count();
+        self.note(above, left, mark);
+        let is_alike = before_it == Some((left, count));
         let novelty = self.novelty(u64::from(left) << 16 | u64::from(count), state, is_alike.then_some(before));
         self.lists[novelty].push(left, (id, 0));
+    }
+
+    /// Keeps what is known of a new state.
+    fn note(&mut self, above: Option<Node>, left: u32, mark: Mark) {
+        let known = above.map(|above| above.mark).filter(|known| self.achieved[*known as usize] == mark);
+        let mark = known.unwrap_or_else(|| {
+            self.achieved.push(mark);
+            self.achieved.len() as u32 - 1
+        });
+        self.nodes.push(Node { left, mark });
     }
 
     /// Returns 0 where a fact is new among alike states, 1 where a pair is, and 2 otherwise. Where the state before is
@@ -222,19 +285,21 @@ impl<'t> Width<'t> {
                 novelty = 0;
             }
         }
-        let bytes = facts * facts / 8;
+        // Of each pair, the larger fact comes first: half of a square.
+        let count = facts * facts.saturating_sub(1) / 2;
+        let bytes = count / 8;
         if facts > PAIRED || pairs.is_none() && self.pair_bytes + bytes > PAIR_BYTES {
             return novelty;
         }
         let pairs = pairs.get_or_insert_with(|| {
             self.pair_bytes += bytes;
-            vec![0; (facts * facts).div_ceil(64)]
+            vec![0; count.div_ceil(64)]
         });
         self.work += (changed.len() * state.len() / 4) as u64;
         for fact in &changed {
             for other in state {
                 let (low, high) = (*fact.min(other) as usize, *fact.max(other) as usize);
-                if set(pairs, low * facts + high) && novelty == 2 {
+                if low < high && set(pairs, high * (high - 1) / 2 + low) && novelty == 2 {
                     novelty = 1;
                 }
             }
@@ -249,4 +314,21 @@ fn set(bits: &mut Bits, place: usize) -> bool {
     let is_new = *word & bit == 0;
     *word |= bit;
     is_new
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn facts_of_a_plan_have_their_places_in_order_in_either_form() {
+        let facts: Vec<Fact> = vec![130, 3, 64, 20, 63, 10, 199];
+        for count in [200, 2000] {
+            let plan = Planned::new(facts.clone(), count);
+            assert_eq!(matches!(plan, Planned::List(_)), count == 2000);
+            let places: Vec<_> =
+                [3, 10, 20, 63, 64, 130, 199, 4, 65].into_iter().map(|fact| plan.place(fact)).collect();
+            assert_eq!(places, [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5), Some(6), None, None]);
+        }
+    }
 }
