@@ -46,6 +46,7 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
     let cases = worlds::CASES
         .iter()
         .chain(triggers::CASES)
+        .chain(triggers::OF_MONGOD)
         .chain(&places::CASES)
         .chain(&mixtures::CASES)
         .chain(&watched::CASES)

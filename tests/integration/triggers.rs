@@ -9,7 +9,7 @@ use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 use rmem::memory::Memory;
 use rmem::memory::watch::{Trigger, Watch, event};
-use rmem::store::{Name, Namespace, Next, StoreUri, UpdateSpec};
+use rmem::store::{Name, Namespace, Next, StoreUri, UpdateRequest, UpdateSpec};
 
 use crate::mongod::Mongod;
 use crate::watching::{Pause, Received, TIMEOUT, Watching, Writers, drain, killed_watch, kills, namespace, update};
@@ -22,6 +22,10 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("triggers::a_name_of_mongod_goes_on_where_it_was_done", a_name_goes_on),
     ("triggers::a_killed_watch_of_mongod_misses_nothing", kill_watch_of_mongod),
 ];
+
+/// What is tried on a real mongod alone.
+pub(crate) const OF_MONGOD: &[(&str, Case)] =
+    &[("triggers::a_field_is_set_by_one_request_that_watches_call_an_update", set_by_one_request)];
 
 type Killer = fn(&Path) -> Result<(), Failed>;
 
@@ -126,6 +130,43 @@ fn both_deliver_the_same(uri: &str) -> Result<(), Failed> {
     let wanted =
         [("insert", 4 + 3 + 2 + 1 + 3 + 1), ("update", 3 + 1 + 1 + 1 + 1), ("replace", 3), ("delete", 2), ("drop", 4)];
     assert_eq!(kinds, wanted.map(|(kind, count)| (kind.to_owned(), count)).into(), "{embedded:#?}");
+    Ok(())
+}
+
+/// Documents with more than the field, and one with little more.
+fn set_by_one_request(uri: &str) -> Result<(), Failed> {
+    let (memory, ns) = (memory(uri)?, Namespace::parse("requests.c")?);
+    let database = mongodb::sync::Client::with_uri_str(uri)?.database(&ns.database);
+    let things = ["cup", "cup", "box"].into_iter().enumerate();
+    let things = things.map(|(id, name)| doc! { "_id": id as i64, "name": name, "position": "0", "room": "kitchen" });
+    memory.insert(&ns, things.collect())?;
+    // Other clients write no metadata.
+    database.collection(&ns.collection).insert_one(doc! { "_id": 3_i64, "n": 0 }).run()?;
+    let mut watch = memory.watch(trigger(&ns, None))?;
+    database.run_command(doc! { "profile": 2 }).run()?;
+    let set = |filter: Document, fields: Document| -> Result<(u64, u64), Failed> {
+        let set = UpdateSpec::Document(doc! { "$set": fields });
+        let done = memory.update(&ns, &UpdateRequest { filter, update: set, ..UpdateRequest::default() })?;
+        Ok((done.matched, done.modified))
+    };
+    assert_eq!(set(doc! { "name": "cup" }, doc! { "position": "1" })?, (1, 1));
+    // The first one is meant, also where another one would change.
+    assert_eq!(set(doc! { "name": "cup" }, doc! { "position": "1" })?, (1, 0));
+    assert_eq!(set(doc! { "_id": 2_i64 }, doc! { "position": "1" })?, (1, 1));
+    assert_eq!(set(doc! { "name": "bowl" }, doc! { "position": "1" })?, (0, 0));
+    database.run_command(doc! { "profile": 0 }).run()?;
+    assert_eq!(set(doc! { "n": 0 }, doc! { "n": 1 })?, (1, 1));
+    let profile = database.collection::<Document>("system.profile");
+    let entries = profile.find(doc! { "ns": ns.to_string() }).sort(doc! { "ts": 1 }).run()?;
+    let entries = entries.collect::<mongodb::error::Result<Vec<Document>>>()?;
+    let asked: Vec<&str> = entries.iter().filter_map(|entry| entry.get_str("op").ok()).collect();
+    assert_eq!(asked, ["update"; 4]);
+    let mut changes = Vec::new();
+    memory.insert(&ns, vec![doc! { "_id": "end" }])?;
+    memory.delete(&ns, &doc! { "_id": "end" }, false)?;
+    collect(&mut watch, &ns, &mut changes)?;
+    let kinds: Vec<_> = changes.iter().map(|event| event.get_str("operation").unwrap_or_default()).collect();
+    assert_eq!(kinds, ["update"; 3], "{changes:?}");
     Ok(())
 }
 

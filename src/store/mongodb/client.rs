@@ -1,6 +1,6 @@
 //! The connection: its time limits, what a write waits for, where reads go.
 
-use std::sync::{Mutex, mpsc};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use bson::RawDocumentBuf;
@@ -30,11 +30,24 @@ impl MongoDb {
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
         let options = completed(parse(uri, &address)?, role);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
-        Ok(Self { client, decaying: Mutex::default(), keeping: Mutex::default(), address })
+        Ok(Self::new(client, address, None))
+    }
+
+    fn new(client: Client, address: String, confirmation: Option<WriteConcern>) -> Self {
+        let (decaying, keeping, version) = Default::default();
+        Self { client, decaying, keeping, version, confirmation, address }
+    }
+
+    /// The same, whose writes the primary alone confirms: for what belongs to a write for whose confirmation was waited
+    /// already.
+    pub(super) fn without_majority(&self) -> Self {
+        let own = WriteConcern::builder().w(Acknowledgment::Nodes(1)).journal(true).build();
+        Self::new(self.client.clone(), self.address.clone(), Some(own))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
-        self.client.database(&ns.database).collection(&ns.collection)
+        let options = CollectionOptions::builder().write_concern(self.confirmation.clone()).build();
+        self.client.database(&ns.database).collection_with_options(&ns.collection, options)
     }
 
     /// The collection as the primary has it, whatever the URI says of reads.

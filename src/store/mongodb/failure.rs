@@ -9,6 +9,9 @@ use crate::store::{Namespace, StoreError, TakenKey};
 /// The server's code for a taken unique key.
 const DUPLICATE: i32 = 11000;
 
+/// What is said of a write that no majority has confirmed.
+const UNCONFIRMED: &str = "was written by the primary, but a majority of the members did not confirm it";
+
 /// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
 
@@ -154,11 +157,15 @@ fn coded(address: &str, code: i32, message: &str) -> StoreError {
     QueryError::invalid(code, message).into()
 }
 
+/// Whether a write was done by the primary, and not confirmed.
+pub(super) fn is_unconfirmed(error: &StoreError) -> bool {
+    matches!(error, StoreError::Failed { reason, .. } if reason.contains(UNCONFIRMED))
+}
+
 /// A write that the primary did, and which is lost where it fails before others have it.
 fn unconfirmed(address: &str, what: &str, message: &str) -> StoreError {
     let reason = format!(
-        "{what} was written by the primary, but a majority of the members did not confirm it ({message}); \
-         it may be lost where the primary fails now; see `rmem backend status`"
+        "{what} {UNCONFIRMED} ({message}); it may be lost where the primary fails now; see `rmem backend status`"
     );
     failed(address, reason)
 }

@@ -8,6 +8,8 @@ use crate::store::{Namespace, StoreError};
 
 /// The first version of the wire protocol that knows of images: MongoDB 6.0.
 const WIRE_VERSION: i32 = 17;
+/// That of MongoDB 5.0, the first that notes which fields a pipeline changes: before, change streams say that it replaces.
+const NOTING: i32 = 13;
 /// The server's code for a collection that is not there …
 const MISSING: i32 = 26;
 /// … and for one that is.
@@ -30,6 +32,16 @@ impl MongoDb {
             return Err(self.fail(failure::STANDALONE));
         }
         Ok(Server { images: hello.get_i32("maxWireVersion").unwrap_or_default() >= WIRE_VERSION })
+    }
+
+    /// Whether the server notes which fields the pipeline of an update changes. It is asked once.
+    pub(super) fn notes_what_pipelines_change(&self) -> bool {
+        let version = self.version.get().copied().or_else(|| {
+            let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run().ok()?;
+            let version = hello.get_i32("maxWireVersion").ok()?;
+            Some(*self.version.get_or_init(|| version))
+        });
+        version.is_some_and(|version| version >= NOTING)
     }
 
     /// Makes the server keep images of the collection, which is made where it is

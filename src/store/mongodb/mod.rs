@@ -24,8 +24,9 @@ mod watch;
 pub use raw::Raw;
 
 use std::collections::HashSet;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
+use mongodb::options::WriteConcern;
 use mongodb::sync::Client;
 
 use crate::store::Namespace;
@@ -37,6 +38,10 @@ pub struct MongoDb {
     decaying: Mutex<HashSet<Namespace>>,
     /// The histories that this process keeps.
     keeping: Mutex<keeping::Keeping>,
+    /// The version of the server's wire protocol, once it was asked for.
+    version: OnceLock<i32>,
+    /// Who has to confirm a write, where it is not who the URI says.
+    confirmation: Option<WriteConcern>,
     /// The URI without credentials and options.
     address: String,
 }

@@ -1,9 +1,9 @@
 //! Updates of one document that carry their metadata in one request.
 //!
 //! The metadata may be written only where a document changes. For two kinds of updates that needs no look at
-//! the document: those that change whatever they meet, and those that set fields of a document with a known `_id` to
-//! values that the server can compare in a pipeline. What a pipeline does to a document that is not much larger than the
-//! change is a replacement for change streams, so that small documents are not updated by one.
+//! the document: those that change whatever they meet, and those that set fields to values that the server can compare
+//! in a pipeline. Where a document has little beside the fields that are set, what a pipeline does to it is a replacement
+//! for change streams; there, the pipeline is made to fail.
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
@@ -12,10 +12,11 @@ use crate::query::{QueryError, type_name};
 use crate::store::metadata::{INFO, UPDATED};
 use crate::store::{UpdateRequest, UpdateSpec};
 
-/// What a document has to have beyond twice the new values, so that a change of it is one for change streams.
-const SMALLEST: usize = 256;
+/// How many bytes the update has to be smaller by than the document behind it, so that it is one for change streams:
+/// 65 on MongoDB 6.0, and some to spare.
+const OVERHEAD: usize = 68;
 
-/// The request with its metadata, where one can carry both. Where it matches nothing or is refused, nothing is said yet.
+/// The request with its metadata, where one can carry both. A pipeline that is refused says nothing yet.
 pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Option<UpdateRequest>, QueryError> {
     let UpdateSpec::Document(update) = &request.update else { return Ok(None) };
     if request.many || !request.array_filters.is_empty() {
@@ -27,20 +28,9 @@ pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Opt
         add_field(&mut update, "$set", UPDATED, at)?;
         return Ok(Some(UpdateRequest { update: UpdateSpec::Document(update), ..same }));
     }
-    let (true, Some(values)) = (has_id(&request.filter), plain_values(update)) else { return Ok(None) };
-    let least = 2 * RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + SMALLEST;
-    let is_large = doc! { "$expr": { "$gte": [{ "$bsonSize": "$$ROOT" }, whole(least)] } };
-    let filter = doc! { "$and": [request.filter.clone(), is_large] };
-    Ok(Some(UpdateRequest { filter, update: UpdateSpec::Pipeline(compared(values, at)), ..same }))
-}
-
-/// Whether a filter can match one document only: another one is not taken for that which is too small.
-fn has_id(filter: &Document) -> bool {
-    match filter.get("_id") {
-        Some(Bson::Document(condition)) => condition.len() == 1 && condition.contains_key("$eq"),
-        Some(Bson::RegularExpression(_)) | None => false,
-        Some(_) => true,
-    }
+    let Some(values) = plain_values(update) else { return Ok(None) };
+    let least = RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + OVERHEAD;
+    Ok(Some(UpdateRequest { update: UpdateSpec::Pipeline(vec![compared(values, least, at)]), ..same }))
 }
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
@@ -90,16 +80,17 @@ fn count(value: &Bson) -> Option<usize> {
     }
 }
 
-/// The stages that set fields, and the date of the change where one of them is another than before.
-fn compared(values: Vec<(&str, &Bson)>, at: DateTime) -> Vec<Document> {
+/// The stage that sets fields, and the date of the change, where one of them is another than before. It fails where the
+/// document has fewer bytes then.
+fn compared(values: Vec<(&str, &Bson)>, least: usize, at: DateTime) -> Document {
     let differences: Vec<Bson> = values.iter().map(|(name, value)| differs(format!("${name}"), value).into()).collect();
-    let info = format!("${INFO}");
-    let dated = doc! { "$mergeObjects": [&info, { UPDATED: at }] };
-    let mut fields = Document::new();
-    for (name, value) in values {
-        fields.insert(name, doc! { "$literal": value.clone() });
-    }
-    vec![doc! { "$set": { INFO: { "$cond": [{ "$or": differences }, dated, &info] } } }, doc! { "$set": fields }]
+    let dated = doc! { INFO: { "$mergeObjects": [format!("${INFO}"), { UPDATED: at }] } };
+    let fields: Document = values.into_iter().map(|(name, value)| (name.to_owned(), value.clone())).collect();
+    let after = doc! { "$mergeObjects": ["$$ROOT", dated, { "$literal": fields }] };
+    // What is no document is refused.
+    let large = doc! { "$cond": [{ "$gte": [{ "$bsonSize": "$$after" }, whole(least)] }, "$$after", "too small"] };
+    let changed = doc! { "$let": { "vars": { "after": after }, "in": large } };
+    doc! { "$replaceWith": { "$cond": [{ "$or": differences }, changed, "$$ROOT"] } }
 }
 
 /// Whether an expression gives another value, or one of another type.
@@ -157,7 +148,7 @@ mod tests {
     #[test]
     fn one_request_carries_what_surely_changes_and_what_the_server_can_compare() {
         let kind = |update: Document| {
-            let filter = doc! { "_id": 1, "name": "a" };
+            let filter = doc! { "name": "a" };
             let request = UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() };
             match with_metadata(&request, DateTime::from_millis(1)).unwrap().map(|request| request.update) {
                 Some(UpdateSpec::Document(_)) => "sure",
@@ -193,23 +184,6 @@ mod tests {
             doc! { "$push": { "l": { "$each": [] } } },
         ] {
             assert_eq!(kind(read.clone()), "read", "{read}");
-        }
-    }
-
-    #[test]
-    fn what_is_compared_is_one_document() {
-        for (filter, expected) in [
-            (doc! { "_id": 1 }, true),
-            (doc! { "_id": { "$eq": 1 }, "a": 2 }, true),
-            (doc! { "_id": { "$gt": 1 } }, false),
-            (
-                doc! { "_id": Bson::RegularExpression(bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() }) },
-                false,
-            ),
-            (doc! { "name": "a" }, false),
-            (doc! {}, false),
-        ] {
-            assert_eq!(has_id(&filter), expected, "{filter}");
         }
     }
 }

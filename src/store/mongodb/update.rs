@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::dates::{add_field, inserted, path};
-use super::{MongoDb, single_step};
+use super::{MongoDb, failure, single_step};
 use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update};
 use crate::store::document::with_id_first;
@@ -40,13 +40,13 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         metadata::check_update(&request.update)?;
+        let is_pipeline = |single: &UpdateRequest| matches!(single.update, UpdateSpec::Pipeline(_));
         let single = single_step::with_metadata(request, at)?;
-        // A pipeline meets large documents only, and needs a newer server.
-        let is_pipeline = single.as_ref().is_some_and(|single| matches!(single.update, UpdateSpec::Pipeline(_)));
-        let done = match single.map(|single| self.apply(ns, &single)) {
-            Some(Ok(done)) if done.matched > 0 || !is_pipeline => done,
-            Some(Err(error)) if !is_pipeline || matches!(error, StoreError::Unreachable { .. }) => return Err(error),
-            _ => self.update_what_is_read(ns, request, at)?,
+        let single = single.filter(|single| !is_pipeline(single) || self.notes_what_pipelines_change());
+        let done = match single.map(|single| (is_pipeline(&single), self.apply(ns, &single))) {
+            // It may be too small, or what a pipeline cannot be with.
+            None | Some((true, Err(StoreError::Query(_)))) => self.update_what_is_read(ns, request, at)?,
+            Some((_, done)) => done?,
         };
         if done.matched > 0 || !request.upsert {
             return Ok(done);
@@ -154,8 +154,10 @@ impl MongoDb {
         let filter = doc! { "_id": { "$in": changed } };
         let dates = UpdateRequest { filter, update: set, many: true, ..UpdateRequest::default() };
         // The driver retries no update of many documents; the same dates may be set again.
-        match self.apply(ns, &dates) {
-            Err(StoreError::Unreachable { .. }) => self.apply(ns, &dates)?,
+        let waited = done.as_ref().is_err_and(failure::is_unconfirmed).then(|| self.without_majority());
+        let store = waited.as_ref().unwrap_or(self);
+        match store.apply(ns, &dates) {
+            Err(StoreError::Unreachable { .. }) => store.apply(ns, &dates)?,
             applied => applied?,
         };
         done
