@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
 """Clients of servers, side by side: how many operations a second, and how long each takes.
 
-    serve.py [--connections N] [--seconds S] [--load | --computable] URI...
+    serve.py [--connections N] [--seconds S] [--computable] URI...
 
 Each kind of work is done on each server in turn, for S seconds (default: 3), by N processes with a
-connection each (default: 1 and 64). With --load, all kinds at once, for S seconds on the first server, which is
-checked: nothing that was acknowledged may be missing. With --computable, what a computable adds to the time of its
+connection each (default: 1 and 64). With --computable, what a computable adds to the time of its
 own pipeline: a query that needs it, and its pipeline as an aggregation, in turn, on the first server, a `rmem serve`.
 Writes are journaled. Needs pymongo.
 """
@@ -69,46 +68,6 @@ def measure(uri, kind, connections, seconds):
     return len(times) / seconds, at(0.5), at(0.99)
 
 
-def loader(uri, seconds, barrier, results, seed):
-    things, choose = collection(uri), random.Random(seed)
-    barrier.wait()
-    inserted, updated, errors, n, end = 0, 0, [], 0, time.time() + seconds
-    while time.time() < end:
-        n += 1
-        try:
-            things.insert_one({"_id": f"{seed}-{n}", **document("load")})
-            inserted += 1
-            things.update_one({"_id": f"counter {seed}"}, {"$inc": {"n": 1}}, upsert=True)
-            updated += 1
-            things.find_one({"name": f"thing {choose.randrange(DOCUMENTS)}"})
-            if n % 20 == 0:
-                len(list(things.find({"name": "load"}, limit=300, batch_size=50)))
-                things.delete_one({"_id": f"{seed}-{n}"})
-                inserted -= 1
-        except Exception as error:  # Every error is reported.
-            errors.append(repr(error))
-    results.put((seed, inserted, updated, errors))
-
-
-def load(uri, connections, seconds):
-    barrier, results = multiprocessing.Barrier(connections), multiprocessing.Queue()
-    workers = [
-        multiprocessing.Process(target=loader, args=(uri, seconds, barrier, results, seed)) for seed in range(connections)
-    ]
-    [one.start() for one in workers]
-    reports = [results.get() for _ in workers]
-    [one.join() for one in workers]
-    things = collection(uri)
-    errors = [error for *_, found in reports for error in found]
-    missing = sum(inserted for _, inserted, *_ in reports) - things.count_documents({"name": "load"})
-    wrong = [
-        seed for seed, _, updated, _ in reports if (things.find_one({"_id": f"counter {seed}"}) or {}).get("n", 0) != updated
-    ]
-    writes = sum(inserted + updated for _, inserted, updated, _ in reports)
-    print(f"{connections} clients, {seconds} s: {writes} writes, {len(errors)} errors, {missing} missing, {len(wrong)} wrong counters")
-    print("\n".join(errors[:3]))
-
-
 def computable(uri, seconds):
     database = collection(uri).database
     rooms, kept = database.rooms, database["rmem.computables"]
@@ -142,7 +101,6 @@ def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("--connections", type=int, action="append")
     arguments.add_argument("--seconds", type=float, default=3)
-    arguments.add_argument("--load", action="store_true")
     arguments.add_argument("--computable", action="store_true")
     arguments.add_argument("uri", nargs="+")
     given = arguments.parse_args()
@@ -150,8 +108,6 @@ def main():
         prepare(uri)
     if given.computable:
         return computable(given.uri[0], given.seconds)
-    if given.load:
-        return load(given.uri[0], (given.connections or [64])[0], given.seconds)
     for connections in given.connections or [1, 64]:
         for kind in WORK:
             for uri in given.uri:
