@@ -88,8 +88,8 @@ fn lines(explanation: &Explanation, generated: &Generated, memory: &Memory) -> R
     Ok(lines)
 }
 
-/// The query whose answer was written there: the last one before that has the document in its answer, and whether
-/// that is sure.
+/// The query whose answer was written there, and whether that is sure: that of the section, else the last one before that
+/// has the document in its answer.
 fn asked<'g>(
     explanation: &Explanation,
     document: Option<(&Namespace, &Bson)>,
@@ -113,6 +113,9 @@ fn asked<'g>(
             .find(|section| section.query.contains_key("distinct"))
             .map(|section| (section, true)));
     };
+    if let Some(section) = generated.section_of(&explanation.origin) {
+        return Ok(Some((section, true)));
+    }
     before.retain(|section| section.namespace == *namespace);
     for section in &before {
         let is_filter = !section.query.contains_key("pipeline") && !section.query.contains_key("distinct");

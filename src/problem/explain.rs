@@ -7,7 +7,7 @@ use super::names;
 use super::origin::{Generated, Origin};
 use super::request::SectionReport;
 use crate::formats::pddl::ast::{Atom, Condition, ConditionKind, Init, Problem, Term};
-use crate::formats::{Source, Span};
+use crate::formats::{Source, Span, marker};
 use crate::store::Namespace;
 
 /// Where a problem says something.
@@ -126,21 +126,38 @@ impl Generated {
         let around = minijinja::around(source.text(), at);
         let part = Some(source.name()).filter(|name| *name != self.template().name());
         let conditions = around.iter().filter_map(|block| Some((line_of(block.span), block.condition.clone()?)));
-        // The query of a loop stands in its tag. In the marker spelling, the query before is that of the section.
+        // The query of a loop stands in its tag.
         let mut loops = around.iter().rev().filter(|block| block.is_loop);
         let in_loop = |block: &minijinja::Around| {
             let lines = line_of(block.span)..=source.position(block.span.end).0;
             self.sections.iter().find(|section| section.part.as_deref() == part && lines.contains(&section.line))
         };
-        let is_marker = !source.text().contains("{%");
+        let is_bare = !["{%", "<<#"].iter().any(|mark| source.text().contains(mark));
         let above = || self.sections.iter().filter(|section| section.line <= line).max_by_key(|section| section.line);
         Writer {
             name: source.name().to_owned(),
             line,
             text: source.text().lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
-            asked: loops.find_map(in_loop).or_else(|| above().filter(|_| is_marker)),
+            asked: loops
+                .find_map(in_loop)
+                .or_else(|| self.marker_section(source, at))
+                .or_else(|| above().filter(|_| is_bare)),
             conditions: conditions.collect(),
         }
+    }
+
+    /// What the section of a marker template asked that a place is in.
+    #[must_use]
+    pub fn section_of(&self, origin: &Origin) -> Option<&SectionReport> {
+        let (_, source) = self.template.iter().find(|(_, source)| source.name() == origin.name)?;
+        self.marker_section(source, origin.span.start)
+    }
+
+    fn marker_section(&self, source: &Source, offset: usize) -> Option<&SectionReport> {
+        let template = source.text().contains("<<#").then(|| marker::parse(source).ok()).flatten()?;
+        let section = template.queried_at(offset)?;
+        let line = source.position(section.span.start).0;
+        self.sections.iter().find(|report| report.line == line && report.name == section.name)
     }
 
     /// The template it was made from.

@@ -491,6 +491,48 @@ fn an_absent_atom_is_explained_by_what_could_have_written_it() {
     assert!(run.stderr.contains("no line of templates/blocksworld/problem.pddl.j2 writes `(flies …)`"), "{run}");
 }
 
+#[test]
+fn a_section_that_is_used_again_is_explained_by_its_own_query() {
+    let lab = Lab::new();
+    lab.write(
+        "w.json",
+        "{'a.b': [{is: 'machine', name: 'M1'}, {is: 'robot', name: 'R1', at: 'M1', _id: 7}, {is: 'wp', name: 'W1', at: 'M1', _id: 8}]}",
+    );
+    lab.write(
+        "t.tmpl",
+        "(define (problem p) (:domain d)
+ (:objects <<#A|{is: 'machine'}>><<name>> <</A>>- machine <<#R|{at: {$exists: true}}>><<name>> <</R>> - robot)
+ (:init
+  (day monday)
+  <<#W|{is: 'wp'}>>(wp-at <<name>> <<at>>)<<#R>>(near <<name>>)<</R>>(wp-in <<name>>)<</W>>
+  <<#R>>(robot-at <<name>> <<at>>)<</R>>
+  <<#A>>(idle <<name>>)<</A>>)
+ (:goal (and)))
+",
+    );
+    let explain = |atom: &str| {
+        let args = ["gen-problem", "--memory", "mem:", "--load", "w.json", "-t", "t.tmpl", "--collection", "a.b", "-q"];
+        lab.rmem(&[&args[..9], &["--explain", atom]].concat())
+    };
+    let absent = |atom: &str| explain(atom).exits(1).stderr;
+    assert_run!(explain("(idle XX)"), @r#"
+    ------- stderr -------
+    error: `(idle XX)` is not in the problem
+    t.tmpl:7: would be written by <<#A>>(idle <<name>>)<</A>>)
+      line 2: A asks {"is":"machine"} in a.b: 1 document
+    [exit code: 1]
+    "#);
+    assert!(absent("(robot-at XX)").contains("line 2: R asks {\"at\":{\"$exists\":true}} in a.b: 2 documents"));
+    assert!(absent("(wp-in XX)").contains("line 5: W asks {\"is\":\"wp\"}"));
+    assert!(absent("(near XX)").contains("line 2: R asks"));
+    assert!(!absent("(day tuesday)").contains("asks"), "{}", absent("(day tuesday)"));
+    // The document is in the answers of R and W.
+    let wp = explain("(wp-at W1 M1)").success();
+    assert!(wp.contains("line 5: W asks {\"is\":\"wp\"}") && wp.contains("{\"_id\":8,"), "{wp}");
+    let robot = explain("(robot-at R1 M1)").success();
+    assert!(robot.contains("line 2: R asks") && robot.contains("{\"_id\":7,"), "{robot}");
+}
+
 /// A template with a loop, a macro, a condition and the goal, and a domain for it.
 fn large(lab: &Lab) {
     lab.write(

@@ -5,6 +5,8 @@
 
 mod reader;
 
+use std::collections::HashMap;
+
 pub use reader::parse;
 
 use super::Span;
@@ -14,6 +16,36 @@ use super::Span;
 pub struct Template {
     /// What it consists of, in order.
     pub nodes: Vec<Node>,
+}
+
+impl Template {
+    /// Returns the section with the query whose documents the text or marker at `offset` is expanded for: the innermost
+    /// one, or the one that it uses again by name.
+    #[must_use]
+    pub fn queried_at(&self, offset: usize) -> Option<&Section> {
+        queried(&self.nodes, offset, None, &mut HashMap::new()).flatten()
+    }
+}
+
+/// The section around `offset`, if `offset` is in one of the nodes; `latest` has the sections with a query so far. The reader bounds
+/// how deep sections nest.
+fn queried<'a>(
+    nodes: &'a [Node],
+    offset: usize,
+    around: Option<&'a Section>,
+    latest: &mut HashMap<&'a str, &'a Section>,
+) -> Option<Option<&'a Section>> {
+    nodes.iter().find_map(|node| match node {
+        Node::Text(span) | Node::Value { span, .. } => (span.start..span.end).contains(&offset).then_some(around),
+        Node::Section(section) => {
+            if section.query.is_some() {
+                latest.insert(&section.name, section);
+            }
+            let own = latest.get(section.name.as_str()).copied();
+            queried(&section.body, offset, own, latest)
+        }
+        Node::Separator(body) => queried(body, offset, around, latest),
+    })
 }
 
 /// A part of a template.
