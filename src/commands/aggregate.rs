@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::modifiers::ModifierArgs;
-use super::query::{blame, owned};
+use super::query::{blame, of_mongosh, owned};
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -33,7 +33,8 @@ pub struct AggregateArgs {
 }
 
 pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
+    let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))
+        .map_err(|error| of_mongosh(error, &args.namespace, &args.pipeline))?;
     let memory = context.memory()?;
     memory.show_computed(args.computed);
     if args.strict {

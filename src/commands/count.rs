@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::at::AtArgs;
 use super::modifiers::ModifierArgs;
-use super::query::{argument, blame};
+use super::query::{blame, filter_of};
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -36,7 +36,7 @@ pub struct CountArgs {
 }
 
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(&args.namespace, &args.query)?;
     let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {

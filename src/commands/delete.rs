@@ -4,7 +4,7 @@ use bson::doc;
 use clap::Args;
 
 use super::modifiers::ModifierArgs;
-use super::query::{argument, blame};
+use super::query::{blame, filter_of};
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -43,7 +43,7 @@ pub struct DeleteArgs {
 }
 
 pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(&args.namespace, &args.query)?;
     if filter.is_empty() && !args.all {
         let text = format!("an empty query matches every document of {}; expected a query, or --all", args.namespace);
         return Err(UsageError::new(text).into());

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::modifiers::ModifierArgs;
-use super::query::{argument, blame};
+use super::query::{blame, filter_of};
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -43,7 +43,7 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
             format!("`{}` is not the name of a field; expected NS FIELD [QUERY], like: {EXAMPLE}", args.field);
         return Err(UsageError::new(message).into());
     }
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(&args.namespace, &args.query)?;
     let memory = context.memory()?;
     memory.show_computed(args.computed);
     if args.strict {

@@ -3,7 +3,7 @@
 use bson::RawDocumentBuf;
 use clap::Args;
 
-use super::query::{argument, blame, fields, owned};
+use super::query::{argument, blame, fields, filter_of, owned};
 use super::update::{check, specification};
 use super::{Context, formats, missing};
 use crate::error::Result;
@@ -59,7 +59,7 @@ pub struct FindAndModifyArgs {
 }
 
 pub(super) fn run(args: &FindAndModifyArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(&args.namespace, &args.query)?;
     let sort = args.sort.as_deref().map(|text| fields("<sort>", "--sort ", text)).transpose()?.unwrap_or_default();
     let modification = modification(args)?;
     let memory = context.memory()?;

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
-use super::query::{blame, in_braces};
+use super::query::{blame, in_braces, of_mongosh};
 use super::{Context, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::command_line::word;
-use crate::formats::shell::{self, Reader};
+use crate::formats::shell::{self, ReadError, Reader};
 use crate::formats::{Diagnostic, Source, csv, yaml};
 use crate::input::unreadable;
 use crate::interrupt::InterruptGuard;
@@ -128,7 +128,8 @@ fn read_all(
         let name =
             if args.documents.len() == 1 { "<argument>".to_owned() } else { format!("<argument {}>", index + 1) };
         let source = Source::new(name, text.as_str());
-        let documents = shell::parse_documents(&source).map_err(|error| hinted(error, text))?;
+        let documents =
+            shell::parse_documents(&source).map_err(|error| of_mongosh(hinted(error, text), &args.namespace, text))?;
         if documents.is_empty() {
             return Err(WrongInput::new(format!("{}: expected a document, found nothing", source.name())).into());
         }
@@ -152,7 +153,7 @@ fn read_all(
                 if is_interrupted() {
                     break;
                 }
-                let (line, document) = document?;
+                let (line, document) = document.map_err(of_other_type)?;
                 batch.add(document, Some(line), memory, context)?;
             }
             Ok(())
@@ -212,10 +213,30 @@ fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>)
     let mut stdin = context.take_stdin()?;
     batch.name = "<stdin>".into();
     for document in Reader::new("<stdin>", &mut stdin) {
-        let (line, document) = document?;
+        let (line, document) = document.map_err(of_other_type)?;
         batch.add(document, Some(line), memory, context)?;
     }
     Ok(())
+}
+
+/// The error with the option for CSV, TSV or YAML, where the first line looks like it.
+fn of_other_type(error: ReadError) -> ReadError {
+    let ReadError::Text(error) = error else { return error };
+    let line = error.excerpt().filter(|_| error.position().0 == 1).unwrap_or_default().trim_end();
+    let is_key = |text: &str| {
+        let text = text.trim().trim_matches('"');
+        !text.is_empty() && !text.contains(['{', '}', '[', ']', ':', ',', '\''])
+    };
+    let are_keys = |sign: char| line.contains(sign) && line.split(sign).all(is_key);
+    let is_mapping = || line.split_once(':').is_some_and(|(key, _)| is_key(key.trim_start_matches("- ")));
+    let (name, kind) = match () {
+        () if are_keys(',') => ("CSV", "csv"),
+        // A tab is shown as a blank.
+        () if are_keys(' ') => ("TSV", "tsv"),
+        () if line == "---" || is_mapping() => ("YAML", "yaml"),
+        () => return error.into(),
+    };
+    error.without_hints().hint(format!("for {name}: --type {kind}, or --file with a name that ends in .{kind}")).into()
 }
 
 /// The documents that are read and not yet stored.

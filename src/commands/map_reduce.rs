@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::Context;
-use super::query::{argument, blame};
+use super::query::{argument, blame, filter_of};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
 use crate::query::collation::during;
@@ -52,7 +52,7 @@ pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exi
     let finalize = args.finalize.as_deref().map(function).transpose()?;
     let functions = MapReduce::parse(&map, &reduce, finalize.as_deref(), &argument("<scope>", &args.scope)?)?;
     let find = Find {
-        filter: argument("<query>", &args.query)?,
+        filter: filter_of(&args.namespace, &args.query)?,
         sort: argument("<sort>", &args.sort)?,
         limit: args.limit,
         ..Find::default()

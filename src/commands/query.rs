@@ -1,5 +1,6 @@
 //! `rmem query NS [QUERY]`: the documents that match.
 
+use bson::doc;
 use clap::Args;
 
 use super::at::AtArgs;
@@ -8,9 +9,9 @@ use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::fault::{AtFault as _, Fault};
-use crate::formats::{Diagnostic, Source, Span, nearest, shell};
+use crate::formats::{Diagnostic, Source, Span, mongosh, nearest, shell};
 use crate::memory::{Diagnosis, Memory};
-use crate::query::known_names;
+use crate::query::{known_names, misplaced};
 use crate::store::{Find, Namespace, StoreError};
 
 /// What stands below the help of `query`.
@@ -67,7 +68,7 @@ pub struct QueryArgs {
 
 pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
     let find = Find {
-        filter: argument("<query>", &args.query)?,
+        filter: filter_of(&args.namespace, &args.query)?,
         sort: args.sort.as_deref().map(|text| fields("<sort>", "--sort ", text)).transpose()?.unwrap_or_default(),
         projection: args
             .fields
@@ -169,6 +170,21 @@ pub(super) fn argument(name: &'static str, text: &str) -> Result<bson::Document,
     })
 }
 
+/// The query of a command on a collection; a line of mongosh gets the command for it.
+pub(super) fn filter_of(namespace: &Namespace, text: &str) -> Result<bson::Document, Diagnostic> {
+    argument("<query>", text).map_err(|error| of_mongosh(error, namespace, text))
+}
+
+/// The error with the command for a line of mongosh, where the text that is wrong is one.
+pub(super) fn of_mongosh(error: Diagnostic, namespace: &Namespace, text: &str) -> Diagnostic {
+    let database = &namespace.database;
+    let command = mongosh::command(text, database).map(|command| format!("write: {command}"));
+    match command.or_else(|| mongosh::advice(text, database)) {
+        Some(hint) => error.without_hints().hint(hint),
+        None => error,
+    }
+}
+
 /// What to write for `team=CYAN` and, in a query, for a value alone, which is taken for an `_id`.
 pub(super) fn in_braces(text: &str, is_query: bool) -> Option<String> {
     let is_name = |name: &str| {
@@ -187,6 +203,14 @@ pub(super) fn in_braces(text: &str, is_query: bool) -> Option<String> {
         None if is_query && text.parse::<f64>().is_ok_and(f64::is_finite) => Some(format!("{{_id: {text}}}")),
         _ => None,
     }
+}
+
+/// `{battery: {$gt: 0.6}}` for a query like `{$gt: {battery: 0.6}}`.
+fn behind_key(query: &Source, operator: &str) -> Option<String> {
+    let query = shell::parse_document(query).ok()?;
+    let inner = query.get_document(operator).ok().filter(|inner| inner.len() == 1)?;
+    let (key, value) = inner.iter().find(|(key, _)| !key.starts_with('$'))?;
+    Some(shell::typed(&doc! { key: { operator: value.clone() } }.into()))
 }
 
 /// What to write where an operator is given something of another shape.
@@ -220,10 +244,13 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
         (Some(((name, text), place)), _) => {
             let source = Source::new(*name, *text);
             let written = text.get(place.start..place.end).unwrap_or_default().trim_matches(['"', '\'']);
-            let meant = nearest(written, known_names(&query.message).iter().copied());
             let error = Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone());
-            let error = meant.into_iter().fold(error, |error, meant| error.hint(format!("did you mean `{meant}`?")));
-            advice(&query.message).into_iter().fold(error, Diagnostic::hint).into()
+            let hint = misplaced(&query.message, written, behind_key(&source, written));
+            let hint = hint.or_else(|| {
+                let meant = nearest(written, known_names(&query.message).iter().copied());
+                meant.map(|meant| format!("did you mean `{meant}`?"))
+            });
+            hint.into_iter().chain(advice(&query.message)).fold(error, Diagnostic::hint).into()
         }
         (None, [(name, text)]) => {
             let source = Source::new(*name, *text);

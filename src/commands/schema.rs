@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::query::{argument, blame, owned};
+use super::query::{blame, filter_of, owned};
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -29,7 +29,7 @@ pub struct SchemaArgs {
 
 pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> Result<Exit> {
     let given = [("<query>", args.query.as_str())];
-    let find = Find { filter: argument("<query>", &args.query)?, ..Find::default() };
+    let find = Find { filter: filter_of(&args.namespace, &args.query)?, ..Find::default() };
     let memory = context.memory()?;
     let mut schema = Schema::default();
     for document in memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))? {

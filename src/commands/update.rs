@@ -5,7 +5,7 @@ use clap::Args;
 
 use super::delete::others;
 use super::modifiers::ModifierArgs;
-use super::query::{argument, blame};
+use super::query::{argument, blame, filter_of};
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -55,7 +55,7 @@ pub struct UpdateArgs {
 
 pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let request = UpdateRequest {
-        filter: argument("<query>", &args.query)?,
+        filter: filter_of(&args.namespace, &args.query)?,
         update: specification(&Source::new("<update>", args.update.as_str()))?,
         array_filters: args
             .array_filters

@@ -151,6 +151,12 @@ impl Diagnostic {
         (self.inner.line, self.inner.column)
     }
 
+    /// The line as it is shown, where it is; of a long one, the part around the place.
+    #[must_use]
+    pub fn excerpt(&self) -> Option<&str> {
+        self.inner.excerpt.as_ref().map(|excerpt| excerpt.text.as_str())
+    }
+
     /// The stretch complained about, in the text it was made from.
     #[must_use]
     pub fn span(&self) -> Span {

@@ -119,7 +119,9 @@ impl QueryError {
 fn find(word: &str, text: &str) -> Option<Range<usize>> {
     let at = |word: &str| text.find(word).map(|start| start..start + word.len());
     if word.starts_with('$') {
-        return at(word);
+        let mut found = text.match_indices(word).map(|(start, _)| start..start + word.len());
+        let is_whole = |place: &Range<usize>| !text[place.end..].starts_with(char::is_alphanumeric);
+        return found.find(is_whole).or_else(|| at(word));
     }
     if let Some(pattern) = word.strip_prefix('/').and_then(|word| word.strip_suffix('/')) {
         let quoted = || ['"', '\''].into_iter().find_map(|quote| at(&format!("{quote}{pattern}{quote}")));

@@ -54,7 +54,7 @@ pub use error::QueryError;
 pub use filter::{Filter, TextSearch};
 pub use geo::Near;
 pub use javascript::{MapReduce, Merging};
-pub use names::known_names;
+pub use names::{is_condition, known_names, misplaced};
 pub use nesting::check;
 pub use pipeline::{
     Description, Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match,

@@ -1,4 +1,4 @@
-//! The names of operators and stages, for hints about misspelt ones.
+//! The names of operators and stages, for hints about misspelt and misplaced ones.
 
 /// The operators of a filter.
 const FILTER: [&str; 37] = [
@@ -93,22 +93,133 @@ const STAGES: [&str; 29] = [
     "$unionWith",
 ];
 
+/// The operators that stand at the top of a filter, and not behind a key.
+const TOP: [&str; 10] =
+    ["$alwaysFalse", "$alwaysTrue", "$and", "$expr", "$jsonSchema", "$nor", "$or", "$sampleRate", "$text", "$where"];
+
+/// What gathers values in a group, and is no stage.
+const GATHERING: [&str; 15] = [
+    "$addToSet",
+    "$avg",
+    "$bottom",
+    "$bottomN",
+    "$first",
+    "$firstN",
+    "$last",
+    "$lastN",
+    "$max",
+    "$min",
+    "$push",
+    "$stdDevPop",
+    "$stdDevSamp",
+    "$sum",
+    "$top",
+];
+
+/// The stages that an update may have.
+const UPDATE_STAGES: [&str; 6] = ["$addFields", "$project", "$replaceRoot", "$replaceWith", "$set", "$unset"];
+
+/// Where a name was found that is not known there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// At the top of a filter.
+    Top,
+    /// Behind a key of a filter.
+    Key,
+    /// At the top of an update.
+    Update,
+    /// At the top of a stage.
+    Stage,
+}
+
+/// What the messages about unknown names begin with, and what is known there.
+const KINDS: [(&str, Place, &[&str]); 4] = [
+    ("unknown operator: ", Place::Key, &FILTER),
+    ("unknown top level operator: ", Place::Top, &FILTER),
+    ("unknown modifier: ", Place::Update, &UPDATE),
+    ("unrecognized pipeline stage name: ", Place::Stage, &STAGES),
+];
+
+/// Returns where a name stands that the message says is unknown; none where it is known nowhere, or the message is about something
+/// else. `meant` is the condition with the name behind a key that was probably meant, where that is known.
+#[must_use]
+pub fn misplaced(message: &str, name: &str, meant: Option<String>) -> Option<String> {
+    let (_, place, _) = KINDS.iter().find(|(words, ..)| message.starts_with(words))?;
+    let is = |names: &[&str]| names.contains(&name);
+    Some(match place {
+        Place::Top if name == "$not" => {
+            "`$not` stands behind a key: {key: {$not: {$gt: 5}}}; at the top there is {$nor: [{key: 5}]}".to_owned()
+        }
+        Place::Top if is(&FILTER) => {
+            format!("`{name}` stands behind a key: {}", meant.unwrap_or_else(|| behind_key(name)))
+        }
+        Place::Key if is(&TOP) => format!("`{name}` stands at the top: {}", at_top(name)),
+        Place::Stage if is(&GATHERING) => {
+            format!("`{name}` stands in a stage: [{{$group: {{_id: '$key', name: {{{name}: '$value'}}}}}}]")
+        }
+        Place::Stage if is(&FILTER) => {
+            let filter = if is(&TOP) { at_top(name) } else { behind_key(name) };
+            format!("`{name}` stands in a query: [{{$match: {filter}}}]")
+        }
+        Place::Update if is(&FILTER) => format!("`{name}` stands in a query, which is in front of the update"),
+        Place::Update if is(&UPDATE_STAGES) => {
+            format!("`{name}` is a stage; an update by stages has brackets: [{{{name}: {{…}}}}]")
+        }
+        Place::Top | Place::Key | Place::Stage if is(&UPDATE) => {
+            format!("`{name}` stands in an update: rmem update NS QUERY '{{{name}: {{key: 5}}}}'")
+        }
+        Place::Top | Place::Key | Place::Update if is(&STAGES) => {
+            format!("`{name}` is a stage of a pipeline: rmem aggregate NS '[{{{name}: …}}]'")
+        }
+        _ => return None,
+    })
+}
+
+/// Returns whether an operator stands behind a key of a filter.
+#[must_use]
+pub fn is_condition(name: &str) -> bool {
+    FILTER.contains(&name) && !TOP.contains(&name)
+}
+
+/// A condition with an operator behind a key, as an example.
+fn behind_key(name: &str) -> String {
+    let value = match name {
+        "$in" | "$nin" | "$all" => "[1, 2]",
+        "$exists" => "true",
+        "$regex" => "'^A'",
+        "$type" => "'string'",
+        "$mod" => "[2, 0]",
+        "$options" => return "{key: {$regex: '^A', $options: 'i'}}".to_owned(),
+        "$elemMatch" | "$near" | "$nearSphere" | "$geoWithin" | "$geoIntersects" | "$within" => "{…}",
+        _ => "5",
+    };
+    format!("{{key: {{{name}: {value}}}}}")
+}
+
+/// A query with an operator at the top, as an example.
+fn at_top(name: &str) -> String {
+    let value = match name {
+        "$and" | "$or" | "$nor" => "[{a: 1}, {b: 2}]",
+        "$expr" => "{$gt: ['$a', '$b']}",
+        "$where" => "'this.a > this.b'",
+        "$text" => "{$search: 'cup'}",
+        "$sampleRate" => "0.5",
+        "$alwaysTrue" | "$alwaysFalse" => "1",
+        _ => "{…}",
+    };
+    format!("{{{name}: {value}}}")
+}
+
 /// Returns the names that an unknown one may stand for, by the message about it; none where the message is about something else.
 #[must_use]
 pub fn known_names(message: &str) -> &'static [&'static str] {
-    let kinds: [(&str, &[&str]); 4] = [
-        ("unknown operator: ", &FILTER),
-        ("unknown top level operator: ", &FILTER),
-        ("unknown modifier: ", &UPDATE),
-        ("unrecognized pipeline stage name: ", &STAGES),
-    ];
-    kinds.iter().find(|(words, _)| message.starts_with(words)).map_or(&[], |(_, names)| names)
+    KINDS.iter().find(|(words, ..)| message.starts_with(words)).map_or(&[], |(.., names)| names)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Filter, Pipeline, Update};
+    use crate::query::{Filter, Pipeline, QueryError, Update};
     use bson::doc;
 
     #[test]
@@ -129,5 +240,37 @@ mod tests {
             assert!(!unknown(Pipeline::parse(&[doc! { name: 1 }]).err().map(|error| error.message)), "{name}");
         }
         assert_eq!(known_names("unknown operator: $exits"), FILTER);
+    }
+
+    #[test]
+    fn a_name_in_the_wrong_place_has_a_right_one() {
+        let advice = |error: Option<QueryError>, name: &str| {
+            misplaced(&error.map(|error| error.message).unwrap_or_default(), name, None)
+        };
+        let (mut top, mut behind_key) = (0, 0);
+        for name in FILTER {
+            if let Some(advice) = advice(Filter::parse(&doc! { name: 1 }).err(), name) {
+                assert!(advice.starts_with(&format!("`{name}` stands behind a key: {{key: {{")), "{advice}");
+                behind_key += 1;
+            }
+            if let Some(advice) = advice(Filter::parse(&doc! { "a": { name: 1 } }).err(), name) {
+                assert!(advice.starts_with(&format!("`{name}` stands at the top: {{{name}: ")), "{advice}");
+                top += 1;
+            }
+            let staged = Pipeline::parse(&[doc! { name: 1 }]).err();
+            let staged = staged.filter(|error| error.message.starts_with("unrecognized"));
+            assert!(staged.is_none() || advice(staged, name).is_some_and(|advice| advice.contains("$match")), "{name}");
+        }
+        assert_eq!((top, behind_key), (TOP.len(), FILTER.len() - TOP.len() - 1), "all but $comment");
+        for name in UPDATE {
+            assert!(advice(Filter::parse(&doc! { name: { "a": 1 } }).err(), name).is_some(), "{name}");
+            assert!(advice(Filter::parse(&doc! { "a": { name: 1 } }).err(), name).is_some(), "{name}");
+        }
+        for name in STAGES.iter().filter(|name| !UPDATE.contains(name)) {
+            let modified = Update::parse(&doc! { *name: { "a": 1 } }, &[]).err();
+            assert!(advice(modified, name).is_some(), "{name}");
+        }
+        assert_eq!(misplaced("unknown top level operator: $nope", "$nope", None), None);
+        assert_eq!(misplaced("$or must be an array", "$or", None), None);
     }
 }

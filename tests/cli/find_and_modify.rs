@@ -80,7 +80,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     ");
     assert_run!(run(&["{}", "{$inc: {state: 1}}"]), @r#"
     ------- stderr -------
-    error: <update>:1:2: cannot apply $inc to a value of non-numeric type: "open"
+    error: <update>:1:2: cannot apply $inc to a value of non-numeric type: "open", in the field `state`
       |
     1 | {$inc: {state: 1}}
       |  ^^^^

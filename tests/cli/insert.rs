@@ -199,3 +199,24 @@ fn a_key_with_hyphens_needs_no_quotes() {
     lab.rmem(&["insert", "robmem.machines", "{_id: 'CS1', cap-loaded: 'NONE'}"]).success();
     assert_eq!(lab.rmem(&["count", "robmem.machines", "{cap-loaded: 'NONE'}"]).success(), "1\n");
 }
+
+#[test]
+fn rows_of_values_without_their_type_get_the_option_for_it() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    lab.write("rows", "name,is,x\nA,box,1\n");
+    assert_run!(lab.rmem(&["insert", "a.b", "--file", "rows"]), @r"
+    ------- stderr -------
+    error: rows:1:1: expected a value, found `name`
+      |
+    1 | name,is,x
+      | ^^^^
+      = hint: for CSV: --type csv, or --file with a name that ends in .csv
+    [exit code: 3]
+    ");
+    let refused = |text: &str| lab.rmem_with(&["insert", "a.b"], text).exits(3).stderr;
+    assert!(refused("name,is\nA,box\n").contains("for CSV: --type csv, or --file with a name that ends in .csv"));
+    assert!(refused("name\tis\nA\tbox\n").contains("for TSV: --type tsv"));
+    assert!(refused("name: A\nis: box\n").contains("for YAML: --type yaml"));
+    assert!(!refused("{name: A}\n").contains("--type"), "{}", refused("{name: A}\n"));
+    assert_eq!(lab.rmem_with(&["insert", "a.b", "--type", "csv", "-q"], "_id,is\n1,box\n").success(), "1\n");
+}

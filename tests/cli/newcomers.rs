@@ -910,3 +910,81 @@ fn arguments_of_other_tools_and_in_another_order_get_a_tip() {
     }
     assert_eq!(lab.rmem(&["count", "robmem.orders"]).success(), "3\n");
 }
+
+#[test]
+fn an_operator_in_the_wrong_place_gets_its_right_one() {
+    let lab = lab();
+    assert_run!(lab.rmem(&["query", "robmem.orders", "{$gt: {battery: 0.6}}"]), @r"
+    ------- stderr -------
+    error: <query>:1:2: unknown top level operator: $gt
+      |
+    1 | {$gt: {battery: 0.6}}
+      |  ^^^
+      = hint: `$gt` stands behind a key: {battery: {$gt: 0.6}}
+    [exit code: 3]
+    ");
+    for (query, hint) in [
+        ("{$gte: {n: 1}}", "`$gte` stands behind a key: {n: {$gte: 1}}"),
+        ("{$in: [1, 2]}", "`$in` stands behind a key: {key: {$in: [1, 2]}}"),
+        ("{$not: {team: 'CYAN'}}", "`$not` stands behind a key: {key: {$not: {$gt: 5}}}; at the top there is {$nor: "),
+        ("{$exists: true}", "`$exists` stands behind a key: {key: {$exists: true}}"),
+        ("{n: {$gt: 0.1, $or: [1]}}", "`$or` stands at the top: {$or: [{a: 1}, {b: 2}]}"),
+        ("{n: {$nor: [1]}}", "`$nor` stands at the top: {$nor: "),
+        ("{$set: {n: 1}}", "`$set` stands in an update: rmem update NS QUERY '{$set: {key: 5}}'"),
+        ("{$match: {n: 1}}", "`$match` is a stage of a pipeline: rmem aggregate NS '[{$match: …}]'"),
+        ("{n: {$gtt: 1}}", "did you mean `$gt`?"),
+    ] {
+        let refused = lab.rmem(&["query", "robmem.orders", query]).exits(3);
+        assert!(refused.stderr.contains(&format!("= hint: {hint}")), "{query}: {refused}");
+        assert_eq!(refused.stderr.matches("= hint: ").count(), 1, "{query}: {refused}");
+    }
+    for (args, hint) in [
+        (["aggregate", "robmem.orders", "[{$gt: 1}]"], "`$gt` stands in a query: [{$match: {key: {$gt: 5}}}]"),
+        (["aggregate", "robmem.orders", "[{$sum: 1}]"], "`$sum` stands in a stage: [{$group: {_id: '$key', "),
+        (["aggregate", "robmem.orders", "[{$inc: {n: 1}}]"], "`$inc` stands in an update"),
+    ] {
+        let refused = lab.rmem(&args).exits(3);
+        assert!(refused.stderr.contains(&format!("= hint: {hint}")), "{args:?}: {refused}");
+    }
+    let update = |update: &str| lab.rmem(&["update", "robmem.orders", "{_id: 1}", update]).exits(3);
+    assert!(update("{$gt: {n: 1}}").stderr.contains("`$gt` stands in a query, which is in front of the update"));
+    assert!(update("{$project: {n: 1}}").stderr.contains("an update by stages has brackets: [{$project: {…}}]"));
+}
+
+#[test]
+fn missing_braces_and_lines_of_mongosh_get_what_to_write() {
+    let lab = lab();
+    assert_run!(lab.rmem(&["query", "robmem.orders", "{rings: $gt: 0.6}"]), @r"
+    ------- stderr -------
+    error: <query>:1:9: expected a value, found `$gt`
+      |
+    1 | {rings: $gt: 0.6}
+      |         ^^^
+      = hint: a key and its value stand in braces: {$gt: 0.6}
+    [exit code: 3]
+    ");
+    for (args, hint) in [
+        (&["query", "robmem.orders", "{team}"][..], "`team` needs a value: {team: 1}"),
+        (&["index", "robmem.orders", "{team}"], "`team` needs a value: {team: 1}"),
+        (
+            &["update", "robmem.orders", "{_id: 1}", "$set: {rings: 1}"],
+            "a document is written in braces: {$set: {rings: 1}}",
+        ),
+        (
+            &["aggregate", "robmem.orders", "[$match: {rings: 2}]"],
+            "a key and its value stand in braces: {$match: {rings: 2}}",
+        ),
+        (&["query", "robmem.orders", "({team: 'CYAN'})"], "leave out the parentheses: {team: 'CYAN'}"),
+        (&["query", "lab.orders", "db.orders.find({team: 'CYAN'})"], "write: rmem query lab.orders \"{team: 'CYAN'}\""),
+        (&["count", "robmem.orders", "db.orders.countDocuments()"], "write: rmem count robmem.orders"),
+        (&["insert", "robmem.orders", "db.orders.insertOne({n: 1})"], "write: rmem insert robmem.orders \"{n: 1}\""),
+        (
+            &["query", "robmem.orders", "db.orders.createIndex({a: 1}, {sparse: true})"],
+            "'rmem index robmem.orders KEYS'",
+        ),
+    ] {
+        let refused = lab.rmem(args).exits(3);
+        assert!(refused.stderr.contains(&format!("= hint: {hint}")), "{args:?}: {refused}");
+        assert!(!refused.stderr.contains("written in quotes"), "{refused}");
+    }
+}

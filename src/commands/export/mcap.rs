@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use crate::commands::query::{argument, blame, owned};
+use crate::commands::query::{blame, filter_of, owned};
 use crate::commands::{Context, WrongInput, missing};
 use crate::error::{Context as _, Result};
 use crate::exit::Exit;
@@ -55,7 +55,7 @@ struct Channels {
 
 pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
     let given = [("<query>", args.query.as_str())];
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(&args.namespace, &args.query)?;
     let find = Find { filter, sort: doc! { &args.time: 1 }, ..Find::default() };
     let kinds = context.settings.object_kinds.clone();
     let kinds = Kinds::of(&kinds, &args.namespace)?;

@@ -181,7 +181,8 @@ impl<'a> Checker<'a> {
                 let whole = ShellParser::parse(Rule::number, token).is_ok_and(|pairs| pairs.as_str() == token);
                 if !whole {
                     let fault = self.fault(&expected);
-                    return Err(foreign::hint(rest).into_iter().fold(fault, Diagnostic::hint));
+                    let hint = self.in_parentheses().or_else(|| foreign::hint(rest));
+                    return Err(hint.into_iter().fold(fault, Diagnostic::hint));
                 }
                 Ok(self.after(token.len(), Next::CommaOrClose))
             }
@@ -239,10 +240,48 @@ impl<'a> Checker<'a> {
         if is_call && (constructor::is_known(name) || foreign::hint(rest).is_none()) {
             return Ok(self.enter(b'(', bracket + 1, Next::ValueOrClose));
         }
+        if let Some(hint) = self.without_braces(name, bracket) {
+            return Err(self.fault("a value").hint(hint));
+        }
         if is_call || constructor::word(name).is_none() {
             return Err(self.fault("a value").hint(foreign::hint_of_word(rest)));
         }
         Ok(self.after(end, Next::CommaOrClose))
+    }
+
+    /// What to write for a document in parentheses, as JavaScript takes it.
+    fn in_parentheses(&self) -> Option<String> {
+        let inner = self.rest().strip_prefix('(').filter(|_| self.open.is_empty())?.trim();
+        let inner = inner.strip_suffix(')').unwrap_or(inner).trim();
+        inner.starts_with(['{', '[']).then(|| match inner.chars().count() {
+            length if length <= TOKEN_WINDOW => format!("leave out the parentheses: {inner}"),
+            _ => "leave out the parentheses".to_owned(),
+        })
+    }
+
+    /// What to write for a key or an operator with its value at the place of a value: its braces are missing. The colon is
+    /// `colon` bytes behind the start of the name.
+    fn without_braces(&self, name: &str, colon: usize) -> Option<String> {
+        let value = self.rest().get(colon..)?.strip_prefix(':')?;
+        // `http://…` and `12:30` are texts.
+        let is_apart = value.starts_with(|c: char| c.is_whitespace() || "{[\"'".contains(c));
+        if !(is_apart || name.starts_with('$')) {
+            return None;
+        }
+        let start = self.end - value.len();
+        let is_whole = self.source.slice(Span::new(0, self.at)).trim().is_empty();
+        let end = match is_whole {
+            true => Some(self.end),
+            false => end_of_value(self.source, Span::new(start, self.end)).ok(),
+        };
+        let text = end.map(|end| self.source.slice(Span::new(self.at, end)).trim());
+        let text =
+            text.filter(|text| text.chars().count() <= TOKEN_WINDOW && !text.ends_with(':') && !text.contains('\n'));
+        let written = text.map_or_else(|| format!("{{{name}: …}}"), |text| format!("{{{text}}}"));
+        Some(match is_whole {
+            true => format!("a document is written in braces: {written}"),
+            false => format!("a key and its value stand in braces: {written}"),
+        })
     }
 
     fn key(&mut self) -> Result<Next, Diagnostic> {
@@ -272,6 +311,10 @@ impl<'a> Checker<'a> {
     fn no_colon(&self) -> Diagnostic {
         let diagnostic = self.fault("`:`");
         let Some(start) = self.key else { return diagnostic };
+        if self.rest().starts_with(['}', ',']) {
+            let name = self.source.slice(Span::new(start, self.at)).trim();
+            return diagnostic.without_hints().hint(format!("`{name}` needs a value: {{{name}: 1}}"));
+        }
         let text = self.source.slice(Span::new(start, self.end));
         let length = text.find(|c: char| !is_name_part(c) && !matches!(c, '-' | '.')).unwrap_or(text.len());
         if start + length <= self.at {

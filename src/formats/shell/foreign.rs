@@ -58,6 +58,32 @@ mod tests {
     use crate::formats::shell::parse_document;
 
     #[test]
+    fn missing_braces_and_values_are_named() {
+        for (text, place, hint) in [
+            ("{battery: $gt: 0.6}", "1:11", "a key and its value stand in braces: {$gt: 0.6}"),
+            ("{a: $in: [1, 2], b: 3}", "1:5", "stand in braces: {$in: [1, 2]}"),
+            ("{a: $gt:}", "1:5", "stand in braces: {$gt: …}"),
+            ("{a: [b: 1]}", "1:6", "stand in braces: {b: 1}"),
+            ("$set: {is: 'open'}", "1:1", "a document is written in braces: {$set: {is: 'open'}}"),
+            ("a: 1, b: {c: 2}", "1:1", "a document is written in braces: {a: 1, b: {c: 2}}"),
+            ("({relation: 'robot'})", "1:1", "leave out the parentheses: {relation: 'robot'}"),
+            ("([{$match: {}}])", "1:1", "leave out the parentheses: [{$match: {}}]"),
+            ("(1, 2)", "1:1", "Python's tuple"),
+            ("{name}", "1:6", "`name` needs a value: {name: 1}"),
+            ("{name, b: 1}", "1:6", "`name` needs a value: {name: 1}"),
+        ] {
+            let error = parse_document(&Source::new("<argument>", text)).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("<argument>:{place}: ")), "{text}: {error}");
+            assert!(matches!(error.hints(), [only] if only.contains(hint)), "{text}: {error}");
+        }
+        let open = parse_document(&Source::new("<argument>", "{name")).unwrap_err();
+        assert!(open.to_string().contains("is not closed"), "{open}");
+        let pipeline =
+            crate::formats::shell::parse_pipeline(&Source::new("<pipeline>", "[$match: {a: 1}]")).unwrap_err();
+        assert!(pipeline.to_string().contains("stand in braces: {$match: {a: 1}}"), "{pipeline}");
+    }
+
+    #[test]
     fn a_dictionary_of_python_gets_a_hint_that_fits() {
         for (text, place, hint) in [
             ("{'tidied': True}", "1:12", "written true"),
@@ -73,6 +99,7 @@ mod tests {
             ("{'x': set([1)}", "1:7", "an array is written [1, 2]"),
             ("{'x': >= 2}", "1:7", "`>=` is written {$gte: 1}"),
             ("{'x': red}", "1:7", "strings are written in quotes"),
+            ("{url: http://x}", "1:7", "strings are written in quotes"),
         ] {
             let error = parse_document(&Source::new("<argument>", text)).unwrap_err().to_string();
             assert!(error.starts_with(&format!("<argument>:{place}: ")) && error.contains(hint), "{text}: {error}");

@@ -53,4 +53,4 @@ pub use reader::{parse_document, parse_document_in, parse_documents, parse_pipel
 pub use scanner::MAX_DEPTH;
 pub use stream::{ReadError, Reader};
 pub use world::{WorldItem, WorldReader, parse_world};
-pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, write_canonical, write_relaxed};
+pub use writer::{canonical, canonical_value, pretty, relaxed, relaxed_value, typed, write_canonical, write_relaxed};

@@ -64,6 +64,8 @@ enum Array {
 struct Chunk {
     first_line: usize,
     bytes: Vec<u8>,
+    /// The brackets and commas that were blanked, with their offsets.
+    blanked: Vec<(usize, u8)>,
     /// Something after the end of the array.
     extra: Option<usize>,
 }
@@ -77,7 +79,7 @@ impl<R: BufRead> Reader<R> {
 
     /// Lines until all brackets are closed; `None` at the end.
     fn chunk(&mut self) -> Result<Option<Chunk>, ReadError> {
-        let mut chunk = Chunk { first_line: self.lines + 1, bytes: Vec::new(), extra: None };
+        let mut chunk = Chunk { first_line: self.lines + 1, bytes: Vec::new(), blanked: Vec::new(), extra: None };
         let mut scanner = Scanner::new();
         loop {
             let start = chunk.bytes.len();
@@ -88,10 +90,14 @@ impl<R: BufRead> Reader<R> {
             self.lines += 1;
             let mut offset = start;
             while let Some(byte) = chunk.bytes.get_mut(offset) {
+                let written = *byte;
                 if scanner.in_code() && scanner.depth() == 0 && self.outside(byte) {
                     chunk.extra.get_or_insert(offset);
                 }
                 scanner.step(*byte);
+                if *byte != written {
+                    chunk.blanked.push((offset, written));
+                }
                 offset += 1;
                 offset += scanner.idle(chunk.bytes.get(offset..).unwrap_or_default());
             }
@@ -138,13 +144,24 @@ impl<R: BufRead> Reader<R> {
         };
         let text = decode(&self.name, chunk.bytes, chunk.first_line)?;
         let source = Source::starting_at(self.name.clone(), text, chunk.first_line);
+        // A complaint shows the line as it is in the stream.
+        let complain = |error: Diagnostic| {
+            let mut bytes = source.text().as_bytes().to_vec();
+            for (offset, written) in &chunk.blanked {
+                bytes.get_mut(*offset).into_iter().for_each(|byte| *byte = *written);
+            }
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            let written = Source::starting_at(self.name.clone(), text, chunk.first_line);
+            let shown = Diagnostic::new(&written, error.span(), error.message());
+            error.hints().iter().fold(shown, Diagnostic::hint)
+        };
         if let Some(offset) = chunk.extra {
             let message = "expected nothing after the array of documents";
-            return Err(Diagnostic::new(&source, Span::at(offset), message).into());
+            return Err(complain(Diagnostic::new(&source, Span::at(offset), message)).into());
         }
         // Documents come in order, so that lines are counted once.
         let (mut line, mut counted) = (chunk.first_line, 0);
-        for (span, document) in parse_sequence(&source)? {
+        for (span, document) in parse_sequence(&source).map_err(complain)? {
             line += source.slice(Span::new(counted, span.start)).matches('\n').count();
             counted = span.start;
             self.ready.push_back((line, document));
@@ -207,6 +224,9 @@ mod tests {
             let error = Reader::new("in", text.as_bytes()).find_map(Result::err).expect("an error");
             assert!(error.to_string().starts_with(place), "{error}");
         }
+        let text = "[{a: 1}, x,\n{a: 2}]";
+        let error = Reader::new("in", text.as_bytes()).find_map(Result::err).expect("an error");
+        assert!(error.to_string().contains("1 | [{a: 1}, x,\n"), "{error}");
         let error = Reader::new("in", &b"{a: 1}\n{b: '\xff'}\n"[..]).find_map(Result::err).expect("an error");
         assert_eq!(error.to_string(), "in:2:6: expected UTF-8 text");
     }

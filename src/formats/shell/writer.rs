@@ -58,6 +58,28 @@ pub fn write_canonical(value: &Bson, out: &mut String) {
     Writer { out, canonical: true, indent: None }.value(value, 0);
 }
 
+/// A value as a person would type it: keys bare where they may be, texts and dates in the shell's spelling.
+#[must_use]
+pub fn typed(value: &Bson) -> String {
+    let is_part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$');
+    let is_bare = |key: &str| !key.is_empty() && key.chars().all(is_part) && !key.starts_with(char::is_numeric);
+    match value {
+        Bson::Document(document) => {
+            let pairs = document.iter().map(|(key, value)| match is_bare(key) {
+                true => format!("{key}: {}", typed(value)),
+                false => format!("'{key}': {}", typed(value)),
+            });
+            format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
+        }
+        Bson::DateTime(date) => match date.try_to_rfc3339_string() {
+            Ok(text) => format!("ISODate('{text}')"),
+            Err(_) => relaxed_value(value),
+        },
+        Bson::ObjectId(id) => format!("ObjectId('{id}')"),
+        other => relaxed_value(other),
+    }
+}
+
 struct Writer<'a> {
     out: &'a mut String,
     canonical: bool,

@@ -14,6 +14,7 @@ use bson::{Bson, DateTime, Document, doc};
 use super::computables::View;
 use super::operations::Memory;
 use crate::formats::shell;
+use crate::query::is_condition;
 use crate::store::{Find, Namespace, Store, StoreError};
 use condition::{Test, conditions, tests};
 pub use remark::Remark;
@@ -140,6 +141,9 @@ impl Examiner<'_> {
             let known = if nearest.is_none() { sample.keys() } else { Vec::new() };
             return Ok(vec![Remark::NoKey { path: path.to_owned(), nearest, known }]);
         }
+        if let Some(remark) = test.values.iter().find_map(|value| self.operators(path, value)) {
+            return Ok(vec![remark]);
+        }
         let mut remarks = Vec::new();
         let wanted = test.values.iter().find_map(type_of);
         let types = self.types(path)?;
@@ -153,6 +157,19 @@ impl Examiner<'_> {
             }
         }
         Ok(remarks)
+    }
+
+    /// The condition that a document of names like `gt` was probably meant as.
+    fn operators(&self, path: &str, value: &Bson) -> Option<Remark> {
+        let names = value.as_document().filter(|names| !names.is_empty())?;
+        let operators: Document = names.iter().map(|(name, value)| (format!("${name}"), value.clone())).collect();
+        if !operators.keys().all(|operator| is_condition(operator)) {
+            return None;
+        }
+        let query = doc! { path: operators };
+        // As a query, it may be wrong.
+        let documents = self.count(&query).ok()?;
+        Some(Remark::NoDollar { query, documents })
     }
 
     /// What there is instead of a key in a document inside.

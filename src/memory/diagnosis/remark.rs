@@ -38,6 +38,13 @@ pub enum Remark {
         /// How many documents match that.
         documents: u64,
     },
+    /// A document of names that are operators without their `$`.
+    NoDollar {
+        /// The query with operators.
+        query: Document,
+        /// How many documents match that.
+        documents: u64,
+    },
     /// The documents have values of other types.
     OtherType {
         /// The key, or a dotted path.
@@ -109,14 +116,18 @@ impl fmt::Display for Remark {
             }
             Self::Whole { path, parts, documents } => {
                 write!(f, "{path} is compared as a whole, with all its keys in their order; ")?;
-                write!(f, "{} matches {}", people(&Bson::Document(parts.clone())), count(*documents))
+                write!(f, "{} matches {}", shell::typed(&Bson::Document(parts.clone())), count(*documents))
+            }
+            Self::NoDollar { query, documents } => {
+                let query = shell::typed(&Bson::Document(query.clone()));
+                write!(f, "did you mean {query}? It matches {}", count(*documents))
             }
             Self::OtherType { path, documents, types, wanted } => {
                 write!(f, "{path} is {}; you compare with {wanted}", types_text(types, *documents))
             }
             Self::OtherValue { path, value, documents } => {
                 let query = doc! { path: value.clone() };
-                write!(f, "{} matches {}", people(&Bson::Document(query)), count(*documents))
+                write!(f, "{} matches {}", shell::typed(&Bson::Document(query)), count(*documents))
             }
         }
     }
@@ -132,27 +143,6 @@ fn types_text(types: &[(&str, u64)], documents: u64) -> String {
         };
     }
     types.iter().map(|(name, number)| format!("{name} in {}", count(*number))).collect::<Vec<_>>().join(", ")
-}
-
-/// A query as a person would type it: keys bare where they may be, texts and dates in the shell's spelling.
-fn people(value: &Bson) -> String {
-    let is_bare =
-        |key: &str| key.chars().all(|c| c.is_alphanumeric() || c == '_') && !key.starts_with(|c: char| c.is_numeric());
-    match value {
-        Bson::Document(document) => {
-            let pairs = document.iter().map(|(key, value)| match is_bare(key) {
-                true => format!("{key}: {}", people(value)),
-                false => format!("'{key}': {}", people(value)),
-            });
-            format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
-        }
-        Bson::DateTime(date) => match date.try_to_rfc3339_string() {
-            Ok(text) => format!("ISODate('{text}')"),
-            Err(_) => shell::relaxed_value(value),
-        },
-        Bson::ObjectId(id) => format!("ObjectId('{id}')"),
-        other => shell::relaxed_value(other),
-    }
 }
 
 pub(super) fn count(documents: u64) -> String {

@@ -51,7 +51,7 @@ impl Application<'_> {
         // Outside of arrays, `$` is a field whose name is the matched index.
         let Segment::Name(name) = &self.named(segment) else { return self.not_an_array(modifier) };
         if rest.is_empty() {
-            match field::change(&modifier.action, document.get(name), &self.effects)? {
+            match field::change(modifier, document.get(name), &self.effects)? {
                 Outcome::Keep => {}
                 Outcome::Put(value) => {
                     document.insert(name.clone(), value);
@@ -120,7 +120,7 @@ impl Application<'_> {
 
     fn at_index(&self, items: &mut Vec<Bson>, index: usize, rest: &[Segment], modifier: &Modifier) -> Result<()> {
         if rest.is_empty() {
-            return match field::change(&modifier.action, items.get(index), &self.effects)? {
+            return match field::change(modifier, items.get(index), &self.effects)? {
                 Outcome::Keep => Ok(()),
                 Outcome::Put(value) => put(items, index, value),
                 Outcome::Remove if index < items.len() => {

@@ -12,6 +12,7 @@ use crate::query::filter::{Context, Node, Parser, Test};
 use crate::query::number::Number;
 use crate::query::path::Path;
 use crate::query::ranking::Ranking;
+use crate::query::view::View;
 
 /// `$push` with its modifiers.
 #[derive(Debug)]
@@ -182,7 +183,10 @@ fn existing(operator: &str, value: Option<&Bson>) -> Result<Option<Vec<Bson>>> {
     match value {
         None => Ok(None),
         Some(Bson::Array(items)) => Ok(Some(items.clone())),
-        Some(_) => Err(QueryError::bad_value(format!("{operator} needs an array, but the field is of another type"))),
+        Some(other) => {
+            let found = View::from(other).type_name();
+            Err(QueryError::bad_value(format!("{operator} needs an array, not {found}")))
+        }
     }
 }
 

@@ -5,15 +5,22 @@ use std::cmp::Ordering;
 use bson::Bson;
 
 use super::array;
-use super::modifier::{Action, Bitwise};
+use super::modifier::{Action, Bitwise, Modifier};
 use super::outcome::{Effects, Outcome, timestamp};
 use crate::query::arithmetic::{Overflow, add, multiply};
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::number::Number;
 
-/// Returns the outcome of an action on a value, which may be missing.
-pub(super) fn change(action: &Action, value: Option<&Bson>, effects: &Effects) -> Result<Outcome> {
+/// Returns the outcome of a modifier on a value, which may be missing.
+pub(super) fn change(modifier: &Modifier, value: Option<&Bson>, effects: &Effects) -> Result<Outcome> {
+    changed(&modifier.action, value, effects).map_err(|error| {
+        let message = format!("{}, in the field `{}`", error.message, modifier.text);
+        QueryError { message, ..error }
+    })
+}
+
+fn changed(action: &Action, value: Option<&Bson>, effects: &Effects) -> Result<Outcome> {
     Ok(match action {
         Action::Set(new) | Action::SetOnInsert(new) => Outcome::Put(new.clone()),
         Action::Unset => Outcome::Remove,
