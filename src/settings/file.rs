@@ -96,6 +96,10 @@ impl File {
         let mut file: Self = toml::from_str(source.text()).map_err(|error| {
             let message = error.message().lines().next().unwrap_or_default();
             let wrong = complain(error.span().unwrap_or_default(), masked_excerpt(message));
+            let wrong = match unquoted(shown.text(), error.span().unwrap_or_default().start) {
+                Some(quoted) => wrong.hint(format!("string values are quoted: {quoted}")),
+                None => wrong,
+            };
             match [".yaml", ".yml"].iter().any(|end| source.name().ends_with(end)) {
                 true => wrong
                     .hint("settings are TOML, not YAML; \"From Fawkes\" in docs/settings.md says where its keys went"),
@@ -237,12 +241,40 @@ impl File {
     }
 }
 
+/// The line around `offset` with its value in quotes, where that is a text without them: `memory = file:robot.rmem`.
+fn unquoted(text: &str, offset: usize) -> Option<String> {
+    let start = text.get(..offset)?.rfind('\n').map_or(0, |newline| newline + 1);
+    let line = text.get(start..)?.lines().next()?;
+    let (key, value) = line.split_once('=')?;
+    let value = value.split(" #").next().unwrap_or_default().trim();
+    let is_plain = !value.is_empty() && !value.contains(['"', '\'', '[', ']', '{', '}', '\\', ',']);
+    let is_value = toml::from_str::<toml::Table>(&format!("x = {value}")).is_ok();
+    (is_plain && !is_value).then(|| format!("{} = \"{value}\"", key.trim()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn complaint(text: &str) -> String {
         File::parse(&Source::new("rmem.toml", text)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_text_without_quotes_is_shown_with_them() {
+        for (text, quoted) in [
+            ("memory = file:robot.rmem # mine", "memory = \"file:robot.rmem\""),
+            ("format = \"json\"\nmemory = true.rmem", "memory = \"true.rmem\""),
+            ("keep_history = 24h", "keep_history = \"24h\""),
+            ("collection = robmem.orders", "collection = \"robmem.orders\""),
+        ] {
+            assert!(complaint(text).contains(&format!("string values are quoted: {quoted}")), "{}", complaint(text));
+        }
+        for text in ["memory = \"a\" b", "memroy = 1", "shared_databases = [a]", "memory"] {
+            assert!(!complaint(text).contains("are quoted"), "{}", complaint(text));
+        }
+        let secret = complaint("memory = mongodb://me:secret@host/");
+        assert!(secret.contains("are quoted") && !secret.contains("secret"), "{secret}");
     }
 
     #[test]
