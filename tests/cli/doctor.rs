@@ -151,3 +151,33 @@ fn doctor_counts_actions_with_and_without_duration() {
         "{found}"
     );
 }
+
+#[test]
+fn computed_documents_that_a_unique_index_refuses_are_named() {
+    let lab = Lab::empty();
+    lab.write("twins.sh", "echo '{t: true, kind: \"c\", n: 1} {t: true, kind: \"c\", n: 2}'\n");
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n\
+         [[computable]]\nname = 'c'\ncollection = 'a.b'\nspec = '{kind: \"c\"}'\n\
+         pipeline = '[{$match: {v: {$exists: true}}}, {$project: {_id: 0, kind: \"c\", v: 1}}]'\n\
+         [[computable]]\nname = 'twins'\ncollection = 'a.b'\nspec = '{t: true}'\ncommand = ['sh', 'twins.sh']\n",
+    );
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1, v: 1, kind: 'a', name: 1}", "{_id: 2, v: 2, kind: 'a', name: 2}"])
+        .success();
+    let doctor = lab.rmem(&["doctor"]).success();
+    assert!(doctor.contains("computable c: ok, its pipeline gives 2 documents"), "{doctor}");
+    lab.rmem(&["index", "a.b", "{kind: 1, name: 1}", "--unique"]).success();
+    let refused = lab.rmem(&["query", "a.b", "{kind: 'c'}"]).exits(5);
+    let wanted = "already has a document with kind: \"c\", name: null (unique index kind_1_name_1); that document is \
+                  stored or computed, too: unique indexes of the collection hold for computed documents";
+    assert!(refused.stderr.contains(wanted) && !refused.stderr.contains("leave the _id out"), "{refused}");
+    let doctor = lab.rmem(&["doctor"]).exits(1);
+    for name in ["c", "twins"] {
+        let wanted = format!(
+            "computable {name}: cannot be stored: two of the documents that it gives have kind: \"c\", name: null (unique index \
+             kind_1_name_1) of a.b; give each a value of its own\n"
+        );
+        assert!(doctor.stdout.contains(&wanted), "{doctor}");
+    }
+}

@@ -19,6 +19,7 @@ use crate::output::amount;
 use crate::pddl::{Domain, Problem};
 use crate::planner::{Host, Limits, Outcome, Registry, Task, run};
 use crate::problem;
+use crate::store::{Embedded, Index, StoreError};
 
 /// The task that every planner has to solve, as small as can be.
 const DOMAIN: &str = "(define (domain lamps) (:requirements :strips) (:predicates (lit ?lamp) (dark ?lamp))
@@ -120,7 +121,7 @@ fn computable(
     match &definition.body {
         BodyKind::Command { words, folder, .. } => {
             let found = program(words, folder, context)?;
-            Ok(ask(definition, asked, context)?.unwrap_or(found))
+            Ok(ask(definition, asked, memory, context)?.unwrap_or(found))
         }
         BodyKind::Builtin { name, .. } => Ok(format!("builtin {name}")),
         BodyKind::Pipeline { from, stages } => {
@@ -131,26 +132,57 @@ fn computable(
             if stages.iter().any(|stage| stage.to_string().contains("$$query")) {
                 return Ok("a pipeline that depends on the query".to_owned());
             }
-            let count = memory.aggregate(from, stages).and_then(|found| found.collect::<Result<Vec<_>, _>>());
-            count
-                .map(|found| format!("its pipeline gives {}", amount(found.len() as u64, "document")))
-                .map_err(|error| error.to_string())
+            let found = memory.aggregate(from, stages).and_then(|found| found.collect::<Result<Vec<_>, _>>());
+            let found = found.map_err(|error| error.to_string())?;
+            let documents = found.iter().filter_map(|document| Document::try_from(&**document).ok());
+            storable(documents.collect(), definition, memory)?;
+            Ok(format!("its pipeline gives {}", amount(found.len() as u64, "document")))
         }
     }
 }
 
 /// Asks the program of a computable: the first of the queries that its spec matches, else one that is made up. None
 /// where there is no such query.
-fn ask(definition: &Definition, asked: &[Document], context: &Context<'_>) -> Result<Option<String>, String> {
+fn ask(
+    definition: &Definition,
+    asked: &[Document],
+    memory: Option<&Memory>,
+    context: &Context<'_>,
+) -> Result<Option<String>, String> {
     let given = asked.iter().find(|query| definition.answers(query)).cloned();
     let is_given = given.is_some();
     let Some(query) = given.or_else(|| definition.example()) else { return Ok(None) };
     let Some(answer) = definition.ask_program(&query, TIMEOUT, &context.host()) else { return Ok(None) };
     let text = shell::relaxed(&query);
-    answer.map(|count| Some(format!("answers {text} with {}", amount(count as u64, "document")))).map_err(|words| {
+    let documents = answer.map_err(|words| {
         let hint = if is_given { "" } else { "\n  the query is made up; --ask QUERY asks another" };
         format!("does not answer {text}: {words}{hint}")
-    })
+    })?;
+    let count = amount(documents.len() as u64, "document");
+    memory.map_or(Ok(()), |memory| storable(documents, definition, memory))?;
+    Ok(Some(format!("answers {text} with {count}")))
+}
+
+/// Refuses computed documents that have the same values in a unique index of their collection.
+fn storable(documents: Vec<Document>, definition: &Definition, memory: &Memory) -> Result<(), String> {
+    let namespace = &definition.namespace;
+    let indexes = memory.indexes(namespace).unwrap_or_default();
+    let unique: Vec<Index> = indexes.into_iter().filter(|index| index.unique && index.name != "_id_").collect();
+    if unique.is_empty() || definition.adds.is_some() {
+        return Ok(());
+    }
+    // A copy of the collection without its documents tells what the index takes for the same.
+    let copy = Embedded::in_memory().map_err(|error| error.to_string())?;
+    let copy = Memory::new(Box::new(copy), None, Vec::new());
+    for index in &unique {
+        copy.create_index(namespace, index).map_err(|error| error.to_string())?;
+    }
+    match copy.insert(namespace, documents) {
+        Err(StoreError::Duplicate { key, .. }) if key.index().is_some() => Err(format!(
+            "cannot be stored: two of the documents that it gives have {key} of {namespace}; give each a value of its own"
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Looks for a program and the scripts that its arguments name.

@@ -481,6 +481,10 @@ impl AtFault for Unstorable {
 
 fn hint(error: &StoreError) -> &'static str {
     match error {
+        StoreError::Duplicate { key, .. } if key.index().is_some() => {
+            "; that document is stored or computed, too: unique indexes of the collection hold for computed documents, so \
+             give each of them values of its own there"
+        }
         StoreError::Duplicate { .. } => "; computed documents take no other one's place: leave the _id out",
         _ => "",
     }

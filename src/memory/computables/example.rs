@@ -25,12 +25,17 @@ impl Definition {
         Spec::parse(&self.spec).and_then(|spec| spec.matches(query)).unwrap_or_default()
     }
 
-    /// Asks the program of the body, for at most a time; returns how many documents it gives. Nothing is stored.
-    /// None for other bodies.
+    /// Asks the program of the body, for at most a time; returns the documents that it gives. Nothing is stored. None for
+    /// other bodies.
     ///
     /// # Errors
     /// What is wrong with the program or with what it prints, in a sentence.
-    pub fn ask_program(&self, query: &Document, most: Duration, host: &Host<'static>) -> Option<Result<usize, String>> {
+    pub fn ask_program(
+        &self,
+        query: &Document,
+        most: Duration,
+        host: &Host<'static>,
+    ) -> Option<Result<Vec<Document>, String>> {
         let BodyKind::Command { words, folder, timeout } = &self.body else { return None };
         let (words, folder) = (words.clone(), folder.clone());
         let program = super::command::Command { words, folder, timeout: most.min(*timeout), host: host.clone() };
@@ -42,7 +47,7 @@ impl Definition {
                     shell::relaxed(&documents[0])
                 ));
             }
-            Ok(count)
+            Ok(documents)
         }))
     }
 }
