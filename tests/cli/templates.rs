@@ -956,7 +956,7 @@ fn a_number_compared_with_a_text_that_reads_as_it_is_a_warning() {
       |
     2 | (:init {% for r in query('a.n', {}) %}{% if r.n == p %} (idle A){% endif %}{% endfor %})
       |                                             ^^^^^^^^
-      = hint: write p|int
+      = hint: write p|int, or give it as a number: -D p:=3
     [exit code: 0]
     "#);
     for (condition, wanted) in [
@@ -1130,4 +1130,17 @@ fn a_problem_does_not_replace_what_it_is_made_from() {
     [exit code: 2]
     ");
     assert_eq!((lab.read("part.j2"), lab.read("d.pddl")), ("(idle A)".to_owned(), DOMAIN.to_owned()));
+}
+
+#[test]
+fn a_marker_with_a_query_of_the_wrong_kind_gets_its_bars() {
+    let lab = Lab::new().env("RMEM_MEMORY", "mem:");
+    let refused = |template: &str| {
+        lab.write("t.tmpl", template);
+        lab.rmem(&["gen-problem", "-t", "t.tmpl", "--syntax", "marker"]).exits(3).stderr
+    };
+    let pipeline = refused("<<#ONT|[{$match: {a: 1}}]>>x<</ONT>>");
+    assert!(pipeline.contains("= hint: a pipeline has two bars: <<#ONT||[…]>>"), "{pipeline}");
+    let bare = refused("<<#ONT{is: 'on'}>>x<</ONT>>");
+    assert!(bare.contains("expected `|` before the query, found `{`") && !bare.contains('\\'), "{bare}");
 }

@@ -133,10 +133,18 @@ fn explain(source: &Source, error: &pest::error::Error<Rule>) -> Diagnostic {
         None => ("a marker without end".to_owned(), "expected `>>`"),
         Some(end) if end < line || rest.starts_with("<<#") => {
             let inner = rest[2..end].split('|').next().unwrap_or_default().trim_start_matches(['#', '/']);
-            (
-                format!("`{}` is not the name of a marker", inner.escape_debug()),
-                "expected letters, digits, `_` and `-`; the keys of nested documents are joined with `_`",
-            )
+            let query = inner.find(['{', '[']).filter(|_| rest.starts_with("<<#"));
+            let shown: String = inner.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+            match query {
+                Some(at) => (
+                    format!("expected `|` before the query, found `{}`", &inner[at..=at]),
+                    "like <<#ON|{relation: 'on'}>>, or <<#ON||[{$match: {relation: 'on'}}]>> for a pipeline",
+                ),
+                None => (
+                    format!("`{shown}` is not the name of a marker"),
+                    "expected letters, digits, `_` and `-`; the keys of nested documents are joined with `_`",
+                ),
+            }
         }
         Some(_) => ("a marker without end on its line".to_owned(), "expected `>>`"),
     };
@@ -235,6 +243,9 @@ mod tests {
             "{}",
             complaint("<<#A|>><</A>>")
         );
+        let bare = complaint("<<#ONT{relation: 'on'}>><</ONT>>");
+        assert!(bare.starts_with("t:1:1: expected `|` before the query, found `{`"), "{bare}");
+        assert!(complaint("<<it's>>").starts_with("t:1:1: `it's` is not the name"), "{}", complaint("<<it's>>"));
         assert!(complaint("<<>>").starts_with("t:1:1: `` is not the name"), "{}", complaint("<<>>"));
     }
 

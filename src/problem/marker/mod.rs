@@ -201,7 +201,14 @@ impl<'a> Expander<'a> {
         let Some(query) = &section.query else { return Ok((Box::new(std::iter::empty()), 0)) };
         let (asked, answer) = match query.kind {
             QueryKind::Find => {
-                let filter = shell::parse_document_in(template, query.span).map_err(cut_short)?;
+                let filter = shell::parse_document_in(template, query.span).map_err(cut_short).map_err(|error| {
+                    match query.text.trim_start().starts_with('[') {
+                        true => {
+                            error.without_hints().hint(format!("a pipeline has two bars: <<#{}||[…]>>", section.name))
+                        }
+                        false => error,
+                    }
+                })?;
                 let filter = filled(filter, self.request, query.span)?;
                 (filter.clone(), self.memory.find(ns, &Find { filter, ..Find::default() }))
             }

@@ -87,12 +87,12 @@ fn ordered(context: &Context, sides: Option<&(Side, Side)>, left: &Value, right:
         let written = side.map_or("value", |side| side.text.as_str());
         Some(format!("test for null first: {{% if {written} is not none and … %}}"))
     } else if is_convertible(left) || is_convertible(right) {
-        Some(Remedy { is_left: is_convertible(left), filter: "number" }.hint(sides))
+        Some(context.compared.hint(Remedy { is_left: is_convertible(left), filter: "number" }, sides))
     } else {
         let text = if kind == ValueKind::String { left } else { right };
         let number = reading(context, text).filter(|_| is_number(kind) || is_number(other));
         let remedy = |number: f64| Remedy { is_left: kind == ValueKind::String, filter: converter(number) };
-        number.map(|number| remedy(number).hint(sides))
+        number.map(|number| context.compared.hint(remedy(number), sides))
     };
     let error = invalid(message);
     Err(match hint {

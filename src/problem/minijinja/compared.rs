@@ -24,6 +24,8 @@ pub(super) struct Compared {
     pub(super) open: Mutex<Vec<(usize, Value)>>,
     /// The first pair of each comparison whose types keep it from being equal.
     pub(super) mixed: Mutex<BTreeMap<usize, Mixed>>,
+    /// The texts that are parameters and read as numbers, by name.
+    pub(super) given: Vec<(String, String)>,
     /// The comparison that ended the rendering.
     pub(super) refused: Mutex<Option<Span>>,
 }
@@ -57,12 +59,23 @@ impl Compared {
         *lock(&self.refused)
     }
 
+    /// What to write instead, or how to give a parameter.
+    pub(super) fn hint(&self, remedy: Remedy, sides: Option<&(Side, Side)>) -> String {
+        let hint = remedy.hint(sides);
+        let written = sides.map(|(left, right)| if remedy.is_left { &left.text } else { &right.text });
+        let given = written.and_then(|written| self.given.iter().find(|(name, _)| name == written));
+        match given.filter(|_| ["int", "float"].contains(&remedy.filter)) {
+            Some((name, text)) => format!("{hint}, or give it as a number: -D {name}:={text}"),
+            None => hint,
+        }
+    }
+
     /// What to tell of the comparisons of values that were unequal only by their types.
     pub(super) fn remarks(&self, template: &Texts) -> Vec<Diagnostic> {
         let mixed = lock(&self.mixed);
         let remark = |(site, mixed): (&usize, &Mixed)| {
             let sides = self.sides.get(site)?;
-            Some(template.complain(whole(sides), mixed.message.as_str()).hint(mixed.remedy.hint(Some(sides))))
+            Some(template.complain(whole(sides), mixed.message.as_str()).hint(self.hint(mixed.remedy, Some(sides))))
         };
         mixed.iter().filter_map(remark).collect()
     }

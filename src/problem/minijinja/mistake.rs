@@ -8,6 +8,10 @@ use super::hint::Mistake;
 use super::{blocks, hint};
 use crate::formats::{Diagnostic, Span};
 use crate::problem::ProblemError;
+use crate::problem::origin::from_document;
+
+/// What messages about values say that PDDL has no name for.
+const UNNAMED: [&str; 3] = ["has no name in PDDL", " is no name; ", " are no numbers in PDDL"];
 
 /// Whether an error says that a value is undefined, and no more.
 fn is_bare_undefined(error: &Error) -> bool {
@@ -105,5 +109,12 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
     let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing, keys: &keys };
     let hints = hint::hints(&mistake);
     let diagnostic = Diagnostic::new(template, span, message);
+    // A value of the document is no name.
+    let is_value = innermost.kind() == ErrorKind::InvalidOperation && UNNAMED.iter().any(|text| detail.contains(text));
+    let document = is_value.then(|| context.looked.document_of(expression)).flatten();
+    let diagnostic = match document.as_deref() {
+        Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
+        None => diagnostic,
+    };
     ProblemError::Template(hints.into_iter().fold(diagnostic, Diagnostic::hint))
 }

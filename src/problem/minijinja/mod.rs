@@ -41,7 +41,7 @@ use super::taken::Taken;
 use super::{Generated, ProblemError, Request, SectionReport};
 use crate::formats::Texts;
 use crate::formats::pddl::Dialect;
-use crate::formats::{Diagnostic, Span};
+use crate::formats::{Diagnostic, Span, shell};
 use crate::memory::Memory;
 use crate::pddl::Domain;
 pub(super) use blocks::{Around, around};
@@ -68,7 +68,9 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
     let (files, mut numbered) = Files::read(request, true)?;
     let (asker, answerer) = answer::pair();
     let fixed_texts = std::mem::take(&mut numbered.texts);
-    let context = Arc::new(Context::new(asker, numbered));
+    let mut context = Context::new(asker, numbered);
+    context.compared.given = numeric_texts(request);
+    let context = Arc::new(context);
     let variables = Variables::of(request, goal);
     let is_goal_used = Arc::clone(&variables.is_goal_used);
     match run_beside(memory, answerer, &files, variables, &context)? {
@@ -78,6 +80,13 @@ pub(super) fn render(request: &Request, goal: Option<&str>, memory: &Memory) -> 
         }
         Err(error) => Err(explain(&files, &context, &error)),
     }
+}
+
+/// The parameters that are texts and read as numbers.
+fn numeric_texts(request: &Request) -> Vec<(String, String)> {
+    let texts = request.parameters.iter().filter_map(|(name, value)| Some((name, value.as_str()?.trim())));
+    let numbers = texts.filter(|(_, text)| shell::parse_number(text).is_some());
+    numbers.map(|(name, text)| (name.clone(), text.to_owned())).collect()
 }
 
 /// Renders the template into a file; nothing where that is doubtful.

@@ -107,6 +107,16 @@ impl Looked {
         entries.map(|(key, _)| key.as_str().to_owned()).collect()
     }
 
+    /// What names the document that was looked at last, where it has one of the keys in an expression.
+    pub(super) fn document_of(&self, expression: &str) -> Option<DocumentId> {
+        let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        let keys = self.keys();
+        let mut words = expression.split(|c| !is_part(c)).filter(|word| !word.is_empty());
+        words.find(|word| keys.iter().any(|key| key == word || is_alike(key, word)))?;
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        last.as_ref().and_then(|(page, nth)| page.id(*nth))
+    }
+
     /// The last document's `_id`; nothing the next time.
     pub(super) fn take(&self) -> Option<DocumentId> {
         let (page, nth) = self.last.lock().unwrap_or_else(PoisonError::into_inner).take()?;
