@@ -5,7 +5,7 @@ use clap::Args;
 
 use super::history::ChangesArgs;
 use super::query::blame;
-use super::{Context, UsageError, formats};
+use super::{Context, UsageError, formats, missing};
 use crate::calendar::day_and_time;
 use crate::error::Result;
 use crate::exit::Exit;
@@ -95,6 +95,7 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     if plan.changes == 0 {
         context.output.error(&format!("no change of {ns} is to be taken back"));
+        missing::warn_of_nearest(ns, &memory, context);
         return Ok(Exit::No);
     }
     Ok(Exit::Done)

@@ -1,14 +1,15 @@
 //! `rmem validate DOMAIN [PROBLEM [PLAN]]`: parse, check, and simulate a plan.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use super::template::{read_domain, warn};
-use super::{Context, error, formats};
-use crate::error::Result;
+use super::template::{is_template, read_domain, warn};
+use super::{Context, WrongInput, error, formats};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::formats::command_line::word;
 use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
 use crate::output::Format;
 use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, trace, validate};
@@ -39,14 +40,15 @@ pub struct ValidateArgs {
 
 pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::TEXT)?;
-    let domain = read_domain(&args.domain, args.lenient, context)?;
-    let Some(problem) = &args.problem else {
+    let domain = read_domain(&args.domain, args.lenient, context).map_err(|error| of_template(error, &args.domain))?;
+    let Some(problem_file) = &args.problem else {
         let valid = doc! { "domain": domain.name(), "valid": true };
         print(&[format!("domain {} is valid", domain.name())], vec![valid], format, context)?;
         return Ok(Exit::Done);
     };
-    let source = context.read(problem)?;
-    let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics)?;
+    let source = context.read(problem_file)?;
+    let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics);
+    let problem = problem.map_err(|error| of_template(error.into(), problem_file))?;
     warn(problem.warnings(), context);
     if args.plans.is_empty() {
         let valid = doc! { "domain": domain.name(), "problem": problem.name(), "valid": true };
@@ -58,8 +60,8 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
         let read = context.read(path).and_then(|file| Ok(CheckedPlan::new(&file, &domain, &problem)?));
         let mut checked = match read {
             Ok(checked) => checked,
-            // The others are checked all the same.
-            Err(error) if args.plans.len() > 1 => {
+            // The others are checked all the same, and a program reads one entry for each plan.
+            Err(error) if args.plans.len() > 1 || format == Format::Json => {
                 let message = error::text(&error);
                 reports.push(doc! { "plan": path.display().to_string(), "valid": Bson::Null, "message": message });
                 unread.get_or_insert(error::report(&error, &mut context.output));
@@ -82,6 +84,17 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     // Of several plans, the worst counts.
     let worst = [Exit::No, Exit::Unsupported].into_iter().find(|exit| exits.contains(exit));
     Ok(unread.or(worst).unwrap_or(Exit::Done))
+}
+
+/// The error of a file that is a template, by the end of its name, with the command that makes PDDL of it.
+fn of_template(error: Error, path: &Path) -> Error {
+    if !is_template(path) || error.downcast_ref::<Diagnostics>().is_none() {
+        return error;
+    }
+    let file = word(&path.to_string_lossy());
+    let message = "is a template; rmem gen-problem makes a problem of it and checks that";
+    let command = format!("rmem gen-problem --template {file} --domain DOMAIN");
+    WrongInput::new(format!("{} {message}: {command}", path.display())).into()
 }
 
 /// Prints lines for people, or documents.

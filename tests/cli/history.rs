@@ -352,3 +352,12 @@ fn a_collection_that_undo_brings_back_has_its_collation_and_its_history_is_asked
     assert_eq!(lab.rmem(&["count", NS, "{at: 'a'}"]).success(), "0\n");
     assert_eq!(lab.rmem(&["count", NS, "{at: 'A'}"]).success(), "1\n");
 }
+
+#[test]
+fn undo_names_the_collection_that_was_probably_meant() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    lab.write("rmem.toml", "keep_history = '24h'\n");
+    lab.rmem(&["insert", "-q", "lager.welt", "{_id: 1}"]).success();
+    let run = lab.rmem(&["undo", "lager.wlet"]).exits(1);
+    assert!(run.stderr.contains("no collection lager.wlet; did you mean lager.welt?"), "{run}");
+}

@@ -675,7 +675,21 @@ fn what_stands_in_the_place_of_an_option_has_a_tip() {
     assert!(run.stderr.contains("tip: write: --template problem.pddl.j2"), "{run}");
     lab.write("facts.txt", "(a 1)");
     let run = lab.rmem(&["clips", "import", "lab.facts", "facts.txt"]).exits(2);
-    assert!(run.stderr.contains("rmem clips import --into lab.facts FILE"), "{run}");
+    assert!(run.stderr.contains("rmem clips import facts.txt --into lab.facts"), "{run}");
+    let run = lab.rmem(&["clips", "import", "facts.txt", "lab.facts"]).exits(2);
+    assert!(run.stderr.contains("rmem clips import facts.txt --into lab.facts"), "{run}");
+    lab.write("named.txt", "(box (name a))");
+    let run = lab.rmem(&["clips", "import", "named.txt", "--key", "names"]).exits(3);
+    assert!(run.stderr.contains("= hint: did you mean `name`?"), "{run}");
+    lab.write("types.clp", "(deftemplate box (slot name))");
+    let run = lab.rmem(&["clips", "import", "types.clp"]).exits(0);
+    assert!(run.stderr.contains("there are no facts to import: deftemplates say which slots facts have"), "{run}");
+    let run = lab.rmem(&["update", "robmem.orders", "{}", "{$set: {n: 1}}", "--all"]).exits(2);
+    assert!(run.stderr.contains("tip: '--many' changes all documents") && !run.stderr.contains("-- --all"), "{run}");
+    let run = lab.rmem(&["update", "robmem.orders", "{_id: 1}", "{$push: {team: 'X'}}"]).exits(3);
+    assert!(run.stderr.contains("$push needs an array, not string, in the field `team`"), "{run}");
+    let run = lab.rmem(&["query", "robmem.orders", "{rings: {gt: 1}}", "--why"]).exits(0);
+    assert!(run.stdout.contains("did you mean {rings: {$gt: 1}}? It matches 2 documents"), "{run}");
     lab.write("lab.facts", "(b 1)");
     lab.rmem(&["clips", "import", "lab.facts", "facts.txt"]).exits(0);
 }
@@ -987,4 +1001,56 @@ fn missing_braces_and_lines_of_mongosh_get_what_to_write() {
         assert!(refused.stderr.contains(&format!("= hint: {hint}")), "{args:?}: {refused}");
         assert!(!refused.stderr.contains("written in quotes"), "{refused}");
     }
+}
+
+#[test]
+fn pddl_and_templates_in_the_place_of_others_get_the_command_for_them() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    let domain = "domains/blocksworld/domain.pddl";
+    lab.write("p.pddl", "; comment\n( DEFINE (problem p))");
+    for file in [domain, "p.pddl"] {
+        let refused = lab.rmem(&["restore", file]).exits(3);
+        assert!(
+            refused.stderr.contains("`rmem validate` checks PDDL") && !refused.stderr.contains("clips"),
+            "{refused}"
+        );
+    }
+    lab.write("facts.txt", "; comment\n(box a)");
+    let facts = lab.rmem(&["restore", "facts.txt"]).exits(3);
+    assert!(facts.stderr.contains("`rmem clips import facts.txt` reads facts"), "{facts}");
+    let template = "templates/blocksworld/problem.pddl.j2";
+    for args in [&["validate", template][..], &["validate", domain, template]] {
+        let refused = lab.rmem(args).exits(3);
+        let wanted = format!("{template} is a template; rmem gen-problem makes a problem of it");
+        assert!(refused.stderr.contains(&wanted), "{refused}");
+    }
+    lab.rmem(&["validate", "absent.j2"]).exits(3);
+}
+
+#[test]
+fn a_value_of_a_document_that_is_no_name_is_shown_with_the_document() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:m.rmem");
+    lab.rmem(&[
+        "insert",
+        "-q",
+        "a.n",
+        "{_id: 1, name: 'A', pose: {}}",
+        "{_id: 2, name: null, tags: ['x'], seen: ISODate('2026-01-01T00:00:00Z'), pose: {x: null}}",
+    ])
+    .success();
+    let render = |expression: &str| {
+        lab.write("t.j2", &format!("{{% for n in query('a.n', '{{_id: 2}}') %}}(x {expression}){{% endfor %}}"));
+        lab.rmem(&["gen-problem", "-t", "t.j2"]).exits(3).stderr
+    };
+    for (expression, message) in [
+        ("{{ n.name }}", "null has no name in PDDL"),
+        ("{{ n.tags }}", "a list is no name"),
+        ("{{ n.seen }}", "a date is no name"),
+        ("{{ n.pose.x }}", "null has no name in PDDL"),
+    ] {
+        let refused = render(expression);
+        assert!(refused.contains(message) && refused.contains("= hint: from document _id 2 of a.n"), "{refused}");
+    }
+    let none = render("{{ none }}");
+    assert!(none.contains("null has no name") && !none.contains("from document"), "{none}");
 }

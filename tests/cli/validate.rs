@@ -465,3 +465,26 @@ fn a_cost_in_a_plan_file_that_is_not_the_true_one_is_said() {
     lab.write("plan", &printed);
     assert_eq!(lab.rmem(&["validate", domain, "p.pddl", "plan"]).success(), "the plan is valid, value 5\n");
 }
+
+#[test]
+fn a_plan_that_cannot_be_read_is_an_entry_of_the_json_alone_and_among_others() {
+    let lab = Lab::new();
+    lab.write("p.pddl", PROBLEM_OF_ONE);
+    let domain = "domains/blocksworld/domain.pddl";
+    for plans in [&["absent.txt"][..], &["absent.txt", "gone.txt"]] {
+        let run = lab.rmem(&[&["validate", domain, "p.pddl"], plans, &["--format", "json"]].concat());
+        assert_ne!(run.code, 0, "{run}");
+        let printed: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        let entries = printed.as_array().unwrap();
+        assert_eq!(entries.len(), plans.len());
+        for (entry, plan) in entries.iter().zip(plans) {
+            assert_eq!((entry["plan"].as_str(), entry["valid"].is_null()), (Some(*plan), true));
+            assert!(entry["message"].as_str().unwrap().contains(plan), "{run}");
+        }
+        assert!(run.stderr.contains("absent.txt"), "{run}");
+    }
+}
+
+/// A problem of the blocks world whose goal holds.
+const PROBLEM_OF_ONE: &str =
+    "(define (problem p) (:domain blocksworld) (:objects A) (:init (on-table A) (clear A)) (:goal (on-table A)))";

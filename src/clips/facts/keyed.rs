@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::key::RELATION;
 use super::schema::INITIAL;
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Respelled, Span, Texts, alike, shell};
+use crate::formats::{Diagnostic, Respelled, Span, Texts, alike, nearest, shell};
 use crate::memory::Memory;
 use crate::query::{QueryError, key as canonical};
 use crate::store::{Find, Namespace, StoreError};
@@ -109,8 +109,14 @@ fn check_unique(keys: &[String], texts: &Texts, documents: &Found) -> Result<(),
                 Some(_) => continue,
             };
             let error = texts.complain(*span, format!("expected {number} `{key}`, the key"));
-            let hint = "import facts that have no such slot from a file of their own, without --key";
-            return Err(if document.contains_key(key) { error } else { error.hint(hint) });
+            if document.contains_key(key) {
+                return Err(error);
+            }
+            let meant = nearest(key, document.keys().map(String::as_str).filter(|name| *name != RELATION));
+            return Err(error.hint(meant.map_or_else(
+                || "import facts that have no such slot from a file of their own, without --key".to_owned(),
+                |name| format!("did you mean `{name}`?"),
+            )));
         }
         let Some(identity) = identity(keys, document) else { continue };
         if let Some(first) = seen.insert(canonical::encode_value(&identity), *span) {

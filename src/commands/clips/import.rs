@@ -11,7 +11,8 @@ use crate::clips::facts::{Found, Importer, Schema, give_ids, remove_repeated, re
 use crate::commands::{Context, UsageError, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
-use crate::formats::clips::{self, Body, Fact, Item, Reader, Slot};
+use crate::formats::clips::{self, Body, Fact, Globals, Item, Reader, Slot};
+use crate::formats::command_line::word;
 use crate::formats::{Diagnostic, Source, Span, Texts, nearest};
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -50,6 +51,8 @@ pub struct ImportArgs {
 const NAMES: usize = 10;
 /// The construct that asserts instances.
 const INSTANCES: &str = "definstances";
+/// The construct of global variables.
+const GLOBALS: &str = "defglobal";
 /// What is said about it.
 const NO_INSTANCES: &str = "instances of classes cannot be imported, only facts";
 
@@ -81,6 +84,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let documents = found.iter().map(|(_, document)| document.clone()).collect();
     let put = memory.put(&namespace, documents).map_err(|error| taken(error, &found, &texts, &memory))?;
     drop(progress);
+    let is_empty = repeated == 0 && stored == 0 && found.is_empty();
     let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
     let unchanged = put.same + u64::try_from(stored).unwrap_or(u64::MAX);
     let result =
@@ -93,21 +97,26 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     if stored > 0 {
         context.output.note(&format!("{} in {namespace} already", facts(stored)));
     }
+    if is_empty {
+        remarks.report_empty(context);
+    }
     remarks.report(&schema, args, context);
     Ok(Exit::Done)
 }
 
-/// Refuses a collection before the files, as most commands have it.
+/// Refuses a collection among the files, as most commands have it.
 fn refuse_namespace(args: &ImportArgs) -> Result<()> {
-    let Some((first, [_, ..])) = args.files.split_first() else { return Ok(()) };
-    let name = first.to_string_lossy();
-    match name.parse::<Namespace>() {
-        Ok(namespace) if args.into.is_none() && !first.exists() => Err(UsageError::new(format!(
-            "there is no file {name}; the collection is given by an option: rmem clips import --into {namespace} FILE"
-        ))
-        .into()),
-        _ => Ok(()),
+    let namespace = |file: &PathBuf| file.to_string_lossy().parse::<Namespace>().ok().filter(|_| !file.exists());
+    let Some(found) = args.files.iter().find_map(namespace).filter(|_| args.into.is_none()) else { return Ok(()) };
+    let name = found.to_string();
+    let others = args.files.iter().map(|file| file.to_string_lossy()).filter(|file| *file != name);
+    // A file that is not there may be meant, too.
+    if args.files.len() < 2 {
+        return Ok(());
     }
+    let files = others.map(|file| word(&file)).collect::<Vec<_>>().join(" ");
+    let advice = "the collection is given by an option: rmem clips import";
+    Err(UsageError::new(format!("there is no file {name}; {advice} {files} --into {name}")).into())
 }
 
 /// The error for a unique key that is taken, at the fact that was to have it, with the document that has it.
@@ -151,6 +160,10 @@ fn facts(count: usize) -> String {
 struct Remarks {
     /// The names of what was passed over, by kind.
     skipped: BTreeMap<String, Vec<String>>,
+    /// The global variables whose values facts have.
+    used: Vec<String>,
+    /// How many deftemplates the texts have.
+    templates: usize,
     /// Templates that are not among the known ones.
     unknown: BTreeSet<String>,
     /// Slots that CLIPS would take for calls, with their templates.
@@ -171,7 +184,10 @@ fn documents(
     let mut reader = Reader::new(source, names).with_globals(std::mem::take(&mut schema.globals));
     for item in reader.by_ref() {
         match item? {
-            Item::Template(template) => schema.add(template),
+            Item::Template(template) => {
+                remarks.templates += 1;
+                schema.add(template);
+            }
             Item::Skipped { kind, name } => remarks.skipped.entry(kind).or_default().push(name),
             Item::Fact(fact) => {
                 let importer = Importer { schema, strict: args.strict };
@@ -184,6 +200,7 @@ fn documents(
     }
     remarks.doubtful.extend(reader.doubtful().iter().cloned());
     schema.globals = reader.into_globals();
+    remarks.take_used(&schema.globals);
     Ok(documents)
 }
 
@@ -205,6 +222,26 @@ impl Remarks {
             }
             _ => {}
         }
+    }
+
+    /// Takes the global variables whose values were used out of what was passed over.
+    fn take_used(&mut self, globals: &Globals) {
+        let Some(names) = self.skipped.get_mut(GLOBALS) else { return };
+        let (used, unused) = std::mem::take(names).into_iter().partition::<Vec<_>, _>(|name| globals.is_used(name));
+        self.used.extend(used);
+        match unused.is_empty() {
+            true => drop(self.skipped.remove(GLOBALS)),
+            false => *names = unused,
+        }
+    }
+
+    /// Says why nothing was imported, where the texts have no facts.
+    fn report_empty(&self, context: &mut Context<'_>) {
+        let templates = match self.templates {
+            0 => "",
+            _ => ": deftemplates say which slots facts have, for facts of other files with --deftemplates",
+        };
+        context.output.note(&format!("there are no facts to import{templates}"));
     }
 
     /// Refuses a text that has instances and no facts.
@@ -241,13 +278,15 @@ impl Remarks {
 
     /// Says what was passed over.
     fn report_skipped(&self, context: &mut Context<'_>) {
-        for (kind, names) in &self.skipped {
+        let used = (!self.used.is_empty()).then_some(("used the values of", GLOBALS, &self.used));
+        let skipped = self.skipped.iter().map(|(kind, names)| ("passed over", kind.as_str(), names));
+        for (what, kind, names) in used.into_iter().chain(skipped) {
             let named: Vec<&str> = names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
             let more = named.len().saturating_sub(NAMES);
             let shown = named.iter().take(NAMES).copied().collect::<Vec<_>>().join(", ");
             let rest = if more > 0 { format!(", and {more} more") } else { String::new() };
             let list = if shown.is_empty() { String::new() } else { format!(": {shown}{rest}") };
-            context.output.note(&format!("passed over {} {kind}{list}", names.len()));
+            context.output.note(&format!("{what} {} {kind}{list}", names.len()));
         }
     }
 }

@@ -22,7 +22,7 @@ fn facts_have_the_values_of_globals() {
     assert_run!(lab.rmem(&["clips", "import", "facts.clp", "--deftemplates", "globals.clp"]), @r#"
     {"inserted":2,"replaced":0,"unchanged":0}
     ------- stderr -------
-    passed over 2 defglobal: ?*TEAM*, ?*NAME*
+    used the values of 2 defglobal: ?*TEAM*, ?*NAME*
     [exit code: 0]
     "#);
     assert_run!(lab.rmem(&["clips", "export"]), @r#"
@@ -158,9 +158,10 @@ fn commands_of_a_program_are_skipped_and_counted() {
     assert_run!(lab().rmem_with(&["clips", "import"], program), @r#"
     {"inserted":2,"replaced":0,"unchanged":0}
     ------- stderr -------
+    used the values of 1 defglobal: ?*A*
     passed over 1 blackboard-open-reading
     passed over 1 deffunction: init
-    passed over 2 defglobal: ?*A*, ?*B*
+    passed over 1 defglobal: ?*B*
     passed over 1 do-for-fact
     passed over 1 if
     passed over 1 init

@@ -281,7 +281,7 @@ fn several_files_of_facts_are_imported_together() {
     {"inserted":3,"replaced":0,"unchanged":0}
     ------- stderr -------
     1 fact was in the text more than once; each was imported once
-    passed over 1 defglobal: ?*N*
+    used the values of 1 defglobal: ?*N*
     [exit code: 0]
     $ rmem clips import --into a.b types.clp two.clp again.clp --key name
     ------- stderr -------

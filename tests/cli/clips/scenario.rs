@@ -11,7 +11,7 @@ fn the_world_of_an_executive_becomes_a_plan() {
     {"inserted":6,"replaced":0,"unchanged":0}
     ------- stderr -------
     1 fact was in the text more than once; each was imported once
-    passed over 1 defglobal: ?*HELLO*
+    used the values of 1 defglobal: ?*HELLO*
     passed over 1 printout
     [exit code: 0]
     "#);

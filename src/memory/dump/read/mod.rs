@@ -12,7 +12,7 @@ mod log;
 pub use error::ReadError;
 pub use log::Log;
 
-use std::io::BufRead;
+use std::io::{BufRead, Read as _};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -28,6 +28,9 @@ use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpac
 
 /// How many bytes are examined to recognise a text.
 const LOOK: usize = 512;
+
+/// How many bytes of a text that is no world file are examined for what it is.
+const LONGEST_START: u64 = 64 << 10;
 
 /// The documents of a dump, each checked.
 pub type Checked<'a> = Box<dyn Iterator<Item = Result<Document, ReadError>> + 'a>;
@@ -98,9 +101,9 @@ impl Dump {
             let reason = "expected a world file or a dump, found neither".to_owned();
             return Err(ReadError::Name { path: path.to_owned(), reason });
         }
-        let hint = other_reader(&String::from_utf8_lossy(head), &path.display().to_string());
+        let hint = || start(path).and_then(|head| other_reader(&head, &path.display().to_string()));
         let world = WorldFile::open(path).map_err(WorldError::from);
-        Ok(Self::of(path, world.map_err(|error| error.hinted(hint))?))
+        Ok(Self::of(path, world.map_err(|error| error.hinted(hint()))?))
     }
 
     /// Reads a world file of a pipe, which can be read only once, into memory; `name` is for messages.
@@ -387,10 +390,25 @@ impl Part {
     }
 }
 
+/// The start of a file that is a text; comments may stand in front of what it is.
+fn start(path: &Path) -> Option<String> {
+    let mut head = Vec::new();
+    unpacked(path).ok()?.take(LONGEST_START).read_to_end(&mut head).ok()?;
+    Some(String::from_utf8_lossy(&head).into_owned())
+}
+
 /// The command for a text that is no world file, by how it begins: facts, or documents.
 fn other_reader(head: &str, file: &str) -> Option<String> {
     let head = head.trim_start_matches('\u{FEFF}').trim_start();
     let first = head.strip_prefix('{').and_then(|rest| rest.split_once(':'));
+    // Comments may stand in front of PDDL.
+    let code = head.lines().map(str::trim_start).find(|line| !line.is_empty() && !line.starts_with(';'));
+    let is_pddl = code
+        .and_then(|code| code.strip_prefix('('))
+        .is_some_and(|list| list.trim_start().get(..6).is_some_and(|word| word.eq_ignore_ascii_case("define")));
+    if is_pddl {
+        return Some(format!("`rmem validate` checks PDDL, `rmem plan --domain {file}` plans with a domain"));
+    }
     if head.starts_with(['(', ';']) {
         return Some(format!("`rmem clips import {file}` reads facts of CLIPS"));
     }
