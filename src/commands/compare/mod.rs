@@ -124,7 +124,7 @@ pub(super) fn run(args: &CompareArgs, context: &mut Context<'_>) -> Result<Exit>
         unreadable: 0,
     };
     let is_whole = comparison.measure_all(&found.tasks, context)?;
-    comparison.report(found.tasks.len(), context)?;
+    comparison.report(found.tasks.len(), is_whole, context)?;
     if !is_whole {
         context.output.warn(match (args.no_store, args.again) {
             (true, _) => "interrupted; with --no-store, no run is kept",
@@ -304,19 +304,44 @@ impl Comparison<'_> {
     }
 
     /// Prints what is not printed yet: runs, scores, the plot.
-    fn report(&self, tasks: usize, context: &mut Context<'_>) -> Result<()> {
+    fn report(&self, tasks: usize, is_whole: bool, context: &mut Context<'_>) -> Result<()> {
         if self.known > 0 {
             let all = tasks * self.planners.len();
             context.output.note(&format!("{} of {all} runs were there already; --again runs them again", self.known));
         }
-        for task in unscored(&self.measured) {
+        // Scores compare planners on the same tasks.
+        let compared = on_whole_tasks(&self.measured, self.planners.len());
+        if !is_whole {
+            let count = compared.len() / self.planners.len().max(1);
+            context.output.note(&format!("the scores are of the {count} of {tasks} tasks on which all planners ran"));
+        }
+        for task in unscored(compared) {
             let why = "a plan's cost is negative or not known";
             context.output.note(&format!("{task} counts for no satisficing score: {why}"));
         }
         if let Some(path) = &self.args.plot {
-            super::plot::write(path, &plot::solved(&self.measured, self.args.timeout).draw()?, context)?;
+            super::plot::write(path, &plot::solved(compared, self.args.timeout).draw()?, context)?;
         }
-        let scores = scores(&self.measured).iter().map(Score::listed).collect();
+        let scores = scores(compared).iter().map(Score::listed).collect();
         self.rows.end(&self.measured, scores, context)
+    }
+}
+
+/// The runs of the tasks on which all planners ran; of the last one, some may be missing.
+fn on_whole_tasks(measured: &[Measurement], planners: usize) -> &[Measurement] {
+    let rest = measured.len().checked_rem(planners).unwrap_or_default();
+    measured.get(..measured.len() - rest).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_task_that_was_interrupted_counts_for_no_score() {
+        let run = |task: &str, planner: &str| Measurement::unreadable(task, planner, Duration::from_secs(1), "");
+        let measured = [run("a", "x"), run("a", "y"), run("b", "x")];
+        let tasks = |count: usize, planners| on_whole_tasks(&measured[..count], planners).len();
+        assert_eq!((tasks(3, 2), tasks(2, 2), tasks(1, 2), tasks(3, 1), tasks(0, 2)), (2, 2, 0, 3, 0));
     }
 }

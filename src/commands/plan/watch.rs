@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use super::find::{Found, find};
 use super::source::SectionCounts;
-use crate::commands::{Context, UsageError};
+use crate::commands::{Context, UsageError, error};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::fault::Fault;
@@ -30,13 +30,17 @@ pub(super) fn run(
     };
     context.output.flush()?;
     context.output.note(&format!("watching {}", names.join(", ")));
+    // Why there is no plan, as far as it is said.
+    let mut said = String::new();
     loop {
         // The first check covers what changed while the plan was made, each later one what changed since.
-        if !still_holds(current.as_deref(), &plans, memory, context)? {
+        if let State::Over(why) = state(current.as_deref(), &plans, memory, context)? {
+            said.push_str(&why);
             request.rerun_of = current.take().or(request.rerun_of);
             match find(&request, SectionCounts::Silent, memory, context) {
                 Ok(found) => {
                     let more = monitor.add(&found.namespaces)?;
+                    said.clear();
                     match plan_of(found) {
                         Ok(found) => current = found,
                         Err(exit) => return Ok(exit),
@@ -47,7 +51,15 @@ pub(super) fn run(
                     }
                 }
                 // The memory may have no well-formed problem at the moment.
-                Err(error) if error.fault() == Fault::Input => context.output.warn(&format!("no plan: {error:#}")),
+                Err(error) if error.fault() == Fault::Input => {
+                    let text = error::text(&error);
+                    if said.contains(&text) && !why.is_empty() {
+                        context.output.warn("no plan: for the same reason");
+                    } else if !said.contains(&text) {
+                        context.output.warn(&format!("no plan: {text}"));
+                        said = text;
+                    }
+                }
                 Err(error) => return Err(error),
             }
             context.output.flush()?;
@@ -67,18 +79,26 @@ fn plan_of(found: Found) -> Result<Option<String>, Exit> {
     }
 }
 
+/// Whether the plan still reaches its goal.
+enum State {
+    Holds,
+    /// It does not, or there is none; with what was said of it.
+    Over(String),
+}
+
 /// Whether the plan still reaches its goal; otherwise reports why not.
-fn still_holds(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<bool> {
-    let Some(id) = current else { return Ok(false) };
-    match PlanState::of(id, plans, memory) {
-        Ok(PlanState::Holds) => return Ok(true),
-        Ok(PlanState::Broken(check)) => check.lines().iter().for_each(|line| context.output.note(line)),
-        Ok(PlanState::Gone(error)) => context.output.note(&error.to_string()),
+fn state(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mut Context<'_>) -> Result<State> {
+    let Some(id) = current else { return Ok(State::Over(String::new())) };
+    let lines = match PlanState::of(id, plans, memory) {
+        Ok(PlanState::Holds) => return Ok(State::Holds),
+        Ok(PlanState::Broken(check)) => check.lines(),
+        Ok(PlanState::Gone(error)) => vec![error.to_string()],
         // What is wrong with the problem is said where it is planned for again.
-        Err(PlanningError::Pddl { .. }) => {}
+        Err(PlanningError::Pddl { .. }) => Vec::new(),
         Err(error) => return Err(error.into()),
-    }
-    Ok(false)
+    };
+    lines.iter().for_each(|line| context.output.note(line));
+    Ok(State::Over(lines.join("\n")))
 }
 
 /// Waits for changes; returns how the watch ends where the user interrupts it, or the reader of stdout closes it.

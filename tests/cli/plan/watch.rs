@@ -153,7 +153,12 @@ fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
     let mut watcher = Watcher::new(&lab);
     watcher.plan();
     lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}", "--many"]).success();
-    watcher.messages_until("no plan: ");
+    let messages = watcher.messages_until("no plan: ");
+    let said = messages.iter().filter(|line| line.contains("goal uses")).count();
+    assert!(
+        said <= 1 && messages.last().is_some_and(|line| line.ends_with("no plan: for the same reason")),
+        "{messages:?}"
+    );
     lab.rmem(&[
         "insert",
         "robmem.worldmodel",
