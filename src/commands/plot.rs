@@ -109,9 +109,10 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     let taken = take(args, &fields, kind, &memory)?;
     if taken.skipped > 0 {
         context.output.note(&format!(
-            "{} of {} documents lack what is drawn and are left out",
+            "{} of {} documents lack {} and are left out",
             taken.skipped,
-            taken.used + taken.skipped
+            taken.used + taken.skipped,
+            listed(&fields, kind, " or ")
         ));
     }
     let title = args.title.clone().unwrap_or_else(|| args.namespace.to_string());
@@ -123,14 +124,22 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     if chart.series.is_empty() {
         // What is not there has no fields either.
         missing::refuse(&args.namespace, &memory, context)?;
+        let options: Vec<String> = fields.needed(kind).iter().map(|(option, _)| format!("{option} FIELD")).collect();
         return Err(WrongInput::new(format!(
-            "no document of {} has what is drawn; see the fields with rmem schema {0}",
-            args.namespace
+            "no document of {} has what is drawn, {}; {} draw other fields, which rmem schema {0} prints",
+            args.namespace,
+            listed(&fields, kind, " and "),
+            options.join(" ")
         ))
         .into());
     }
     write(&args.output, &chart.draw()?, context)?;
     Ok(Exit::Done)
+}
+
+/// The fields without which a document is not drawn, as messages have them.
+fn listed(fields: &Fields, kind: Kind, between: &str) -> String {
+    fields.needed(kind).iter().map(|(_, field)| format!("`{field}`")).collect::<Vec<_>>().join(between)
 }
 
 /// A file for a picture, whose name says its format.

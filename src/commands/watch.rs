@@ -13,7 +13,7 @@ use clap::builder::NonEmptyStringValueParser;
 use condition::{Condition, Counting};
 use delivery::{Delivered, Delivery};
 
-use super::query::{argument, blame};
+use super::query::{blame, filter_of};
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -97,7 +97,7 @@ pub struct WatchArgs {
     /// List the names of --resume, the process that uses each, and what waits for it
     #[arg(long, conflicts_with_all = ["namespace", "query", "exec", "resume", "count", "timeout", "computed", "meta"])]
     pub names: bool,
-    /// Deliver an event when the number of matching documents begins to meet a condition, e.g. \"count > 3\"
+    /// Deliver an event when the number of matching documents begins to meet a condition, e.g. "count > 3"
     #[arg(long, value_name = "CONDITION", value_parser = Condition::parse, conflicts_with_all = ["resume", "computed", "meta", "names"])]
     pub when: Option<Condition>,
     /// Exit after N changes
@@ -137,7 +137,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.when.is_some() && delivery.format == Format::Clips {
         return Err(UsageError::new("--when has no facts; expected --format jsonl, json or canonical").into());
     }
-    let filter = argument("<query>", &args.query)?;
+    let filter = filter_of(namespace, &args.query)?;
     let trigger = trigger(args, namespace, &filter);
     let is_new = new_file(context);
     let memory = context.memory()?;

@@ -45,6 +45,30 @@ pub struct Taken {
     pub y_dates: bool,
 }
 
+impl Fields {
+    /// Returns the fields without which a document is not drawn, each with the option that names another one.
+    #[must_use]
+    pub fn needed(&self, kind: Kind) -> Vec<(&'static str, &str)> {
+        let (first, second) = self.axes(kind);
+        match kind {
+            Kind::Line | Kind::Scatter | Kind::Map => vec![("--x", first), ("--y", second)],
+            Kind::Timeline => vec![("--from", first), ("--to", second)],
+            Kind::Bars => std::iter::once(("--x", first)).chain(self.y.as_deref().map(|y| ("--y", y))).collect(),
+        }
+    }
+
+    /// The two fields of a point or an interval; of a bar, only the first one counts.
+    fn axes(&self, kind: Kind) -> (&str, &str) {
+        let (given, usual) = match kind {
+            Kind::Map => ((&self.x, &self.y), ("translation.0", "translation.1")),
+            Kind::Line | Kind::Scatter => ((&self.x, &self.y), ("x", "y")),
+            Kind::Bars => ((&self.x, &self.y), ("_id", "")),
+            Kind::Timeline => ((&self.from, &self.to), ("from", "to")),
+        };
+        (given.0.as_deref().unwrap_or(usual.0), given.1.as_deref().unwrap_or(usual.1))
+    }
+}
+
 impl Taken {
     /// Takes what one document has.
     pub fn take(&mut self, document: &Document, fields: &Fields, kind: Kind) {
@@ -69,12 +93,8 @@ impl Taken {
     }
 
     fn point(&mut self, document: &Document, fields: &Fields, kind: Kind, name: String) -> Option<()> {
-        let (x, y) = match kind {
-            Kind::Map => ("translation.0", "translation.1"),
-            _ => ("x", "y"),
-        };
-        let x = lookup(document, fields.x.as_deref().unwrap_or(x))?;
-        let y = lookup(document, fields.y.as_deref().unwrap_or(y))?;
+        let (x, y) = fields.axes(kind);
+        let (x, y) = (lookup(document, x)?, lookup(document, y)?);
         self.x_dates |= matches!(x, bson::Bson::DateTime(_));
         self.y_dates |= matches!(y, bson::Bson::DateTime(_));
         let label = lookup(document, fields.label.as_deref().unwrap_or("name")).map(text).unwrap_or_default();
@@ -84,7 +104,7 @@ impl Taken {
     }
 
     fn bar(&mut self, document: &Document, fields: &Fields, name: String) -> Option<()> {
-        let x = text(lookup(document, fields.x.as_deref().unwrap_or("_id"))?);
+        let x = text(lookup(document, fields.axes(Kind::Bars).0)?);
         let y = match &fields.y {
             Some(y) => number(lookup(document, y)?)?,
             None => 1.0,
@@ -94,8 +114,8 @@ impl Taken {
     }
 
     fn interval(&mut self, document: &Document, fields: &Fields, name: String) -> Option<()> {
-        let from = lookup(document, fields.from.as_deref().unwrap_or("from"))?;
-        let to = lookup(document, fields.to.as_deref().unwrap_or("to"))?;
+        let (from, to) = fields.axes(Kind::Timeline);
+        let (from, to) = (lookup(document, from)?, lookup(document, to)?);
         self.x_dates |= matches!(from, bson::Bson::DateTime(_));
         let label = lookup(document, fields.label.as_deref().unwrap_or("name")).map(text).unwrap_or_default();
         let (from, to) = (number(from)?, number(to)?);

@@ -32,7 +32,7 @@ fn odd_names_and_huge_numbers_leave_a_drawing_that_can_be_read() {
     let plot = ["plot", "a.b", "--x", "x", "--y", "y", "--kind", "bars", "--title", "t\u{1}\u{202e}", "-o", "out.svg"];
     assert_run!(lab.rmem(&plot), @r"
     ------- stderr -------
-    1 of 3 documents lack what is drawn and are left out
+    1 of 3 documents lack `x` or `y` and are left out
     [exit code: 0]
     ");
     let svg = lab.read("out.svg");
@@ -48,13 +48,13 @@ fn what_cannot_be_drawn_is_refused_and_leaves_no_file() {
     let plot = |args: &[&str]| kitchen(&lab, &[&["plot", "robmem.worldmodel", "-o", "out.svg"], args].concat());
     assert_run!(plot(&["--x", "nothing", "--y", "mass"]), @r"
     ------- stderr -------
-    6 of 6 documents lack what is drawn and are left out
-    error: no document of robmem.worldmodel has what is drawn; see the fields with rmem schema robmem.worldmodel
+    6 of 6 documents lack `nothing` or `mass` and are left out
+    error: no document of robmem.worldmodel has what is drawn, `nothing` and `mass`; --x FIELD --y FIELD draw other fields, which rmem schema robmem.worldmodel prints
     [exit code: 3]
     ");
     assert_run!(plot(&["--x", "translation.0", "--y", "mass", "--kind", "scatter"]), @r"
     ------- stderr -------
-    4 of 6 documents lack what is drawn and are left out
+    4 of 6 documents lack `translation.0` or `mass` and are left out
     [exit code: 0]
     ");
     std::fs::remove_file(lab.path().join("out.svg")).unwrap();
