@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 
 class RmemError(Exception):
     """rmem ended with an error.
@@ -117,10 +119,49 @@ _BY_CODE: dict[int, type[RmemError]] = {
 }
 
 
-def error_of(code: int, message: str) -> RmemError:
-    """Returns the exception for an exit code; ``message`` is all of stderr."""
+# Options that messages name, and the arguments of the methods that stand for them.
+_ARGUMENTS: dict[str, str] = {
+    "--all": "many=True",
+    "--many": "many=True",
+    "--upsert": "upsert=True",
+    "--replace": "replace=True",
+    "--out-of-order": "out_of_order=True",
+    "--strict": "strict=True",
+    "--anytime": "anytime=True",
+    "--no-store": "store=False",
+    "--domain": "domain=…",
+    "--goal": "goal=…",
+    "--template": "template=…",
+    "--problem": "problem=…",
+    "--into": "into=…",
+    "--planner": "planner=…",
+    "--timeout": "timeout=…",
+    "--sort": "sort=…",
+    "--fields": "fields=…",
+    "--at": "at=…",
+}
+
+_OPTION = re.compile(r"(?<![\w-])(--[a-z][a-z-]*)(?: [A-Z]+\b| (?P<value>'[^'\n]*'))?(?![\w=-])")
+
+
+def _in_python(message: str) -> str:
+    """Returns a message with arguments instead of options; what it says of commands stays."""
+    lines = message.splitlines()
+    # An excerpt of a text has a number in front.
+    is_ours = [not re.search(r"\brmem |^\s*\d* \|", line) for line in lines]
+    replaced = [_OPTION.sub(_argument, line) for line in lines]
+    return "\n".join(new if ours else line for line, new, ours in zip(lines, replaced, is_ours))
+
+
+def _argument(found: re.Match[str]) -> str:
+    return _ARGUMENTS.get(found[1], found[0]).replace("…", found["value"] or "…")
+
+
+def error_of(code: int, message: str, *, in_python: bool = True) -> RmemError:
+    """Returns the exception for an exit code; ``message`` is all of stderr, which names options of the command line."""
     kind = _BY_CODE.get(code, RmemError)
     lines = message.splitlines(keepends=True)
     first = next((index for index, line in enumerate(lines) if line.startswith("error: ")), 0)
     error = "".join(lines[first:]).strip()
+    error = _in_python(error) if in_python else error
     return kind(error or f"rmem ended with exit code {code}", code, message)

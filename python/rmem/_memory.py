@@ -168,18 +168,34 @@ class Memory:
         return _lines(self._run(["aggregate", ns, _text(pipeline), "--format", "jsonl"]))
 
     def update(
-        self, ns: str, query: Query, update: str | Document | Sequence[Document], *, many: bool = False, upsert: bool = False
+        self,
+        ns: str,
+        query: Query,
+        update: str | Document | Sequence[Document],
+        *,
+        many: bool = False,
+        upsert: bool = False,
+        replace: bool = False,
     ) -> dict[str, Any]:
-        """Changes the first document that matches (all with ``many``); returns ``{"matched": …, "modified": …}``."""
+        """Changes the first document that matches (all with ``many``); returns ``{"matched": …, "modified": …}``.
+
+        With ``replace``, ``update`` is a whole document, which takes its place.
+        """
         words = ["update", ns, _text(query), _text(update), "--format", "jsonl"]
         words += ["--many"] if many else []
         words += ["--upsert"] if upsert else []
+        words += ["--replace"] if replace else []
         report: dict[str, Any] = decode(self._run(words))
         return report
 
     def delete(self, ns: str, query: Query, *, many: bool = False) -> int:
-        """Removes the first document that matches (all with ``many``); returns how many were removed."""
-        words = ["delete", ns, _text(query), "--format", "jsonl"] + (["--many"] if many else [])
+        """Removes the first document that matches (all with ``many``); returns how many were removed.
+
+        An empty query is taken with ``many`` only: it removes all documents.
+        """
+        text = _text(query)
+        everything = "--all" if text.replace(" ", "") == "{}" else "--many"
+        words = ["delete", ns, text, "--format", "jsonl"] + ([everything] if many else [])
         return int(self._run(words))
 
     # Problems and plans
@@ -275,7 +291,10 @@ class Memory:
 
     def run(self, *words: str, stdin: str | None = None) -> str:
         """Runs any command of rmem on this memory and returns its stdout."""
-        return self._run(list(words), stdin)
+        code, stdout, stderr = self._call(list(words), stdin)
+        if code != 0:
+            raise error_of(code, stderr, in_python=False)
+        return stdout
 
     def _run(self, words: list[str], stdin: str | None = None) -> str:
         code, stdout, stderr = self._call(words, stdin)

@@ -81,6 +81,19 @@ def test_each_failure_has_its_exception(memory: Memory) -> None:
         memory.insert(NS, {"a": 2**64})
 
 
+def test_messages_name_arguments_instead_of_options(memory: Memory) -> None:
+    memory.insert(NS, {"_id": 1, "kind": "cup"}, {"_id": 2})
+    with pytest.raises(rmem.UsageError, match="expected a query, or many=True") as refused:
+        memory.delete(NS, {})
+    assert "--all" in refused.value.stderr
+    with pytest.raises(rmem.BadInput, match="or replace=True to replace the document as a whole"):
+        memory.update(NS, {"_id": 1}, {"kind": "bowl"})
+    assert memory.update(NS, {"_id": 1}, {"kind": "bowl"}, replace=True)["modified"] == 1
+    with pytest.raises(rmem.UsageError, match="--all"):
+        memory.run("delete", NS)
+    assert memory.delete(NS, {}, many=True) == 2
+
+
 def test_an_argument_that_looks_like_an_option_is_none(memory: Memory) -> None:
     memory.insert(NS, {"_id": "--help"})
     assert memory.distinct(NS, "_id") == ["--help"]
