@@ -38,7 +38,8 @@ pub(super) fn has_numbers(domain: &Domain, problem: &Problem) -> bool {
     domain.actions.iter().any(|action| changes(&action.effect, metric)) || !functions(domain, problem).is_empty()
 }
 
-fn of_formula(formula: &Formula, found: &mut HashSet<String>) {
+/// Adds the functions that a formula compares.
+pub(super) fn of_formula(formula: &Formula, found: &mut HashSet<String>) {
     match formula {
         Formula::Comp(_, left, right) => {
             of_expression(left, found);

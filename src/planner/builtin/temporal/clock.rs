@@ -9,7 +9,8 @@ use super::windows::{Limit, UNITS, Window, Windows, intersected};
 use crate::planner::builtin::search::makespan::Timing;
 use crate::planner::builtin::search::task::{OperatorId, Task};
 
-/// A ground atom, or, of a predicate that occurs under a quantifier, all of its atoms.
+/// A ground atom or the value of a function for some objects, or, of a predicate or function that occurs under a quantifier,
+/// all of them.
 type Resource = (String, Vec<String>);
 
 /// What actions touch, and for how long.
@@ -20,6 +21,8 @@ pub(super) struct Clock<'a> {
     coarse: HashSet<&'a str>,
     /// The predicates and functions that actions change.
     changed: HashSet<&'a str>,
+    /// The functions that matter to what happens.
+    compared: HashSet<String>,
     windows: Windows<'a>,
 }
 
@@ -32,7 +35,7 @@ struct Touched<'a> {
     limits: Vec<Limit<'a>>,
 }
 
-/// An atom that a part of an action is about.
+/// An atom or a value that a part of an action is about.
 #[derive(Clone, Copy)]
 struct Touch<'a> {
     time: TimeSpec,
@@ -41,9 +44,16 @@ struct Touch<'a> {
 }
 
 impl<'a> Clock<'a> {
-    pub(super) fn new(domain: &'a Domain, problem: &'a Problem, windows: Windows<'a>) -> Self {
+    /// `compared` are the functions that conditions compare, and those that change them.
+    pub(super) fn new(
+        domain: &'a Domain,
+        problem: &'a Problem,
+        windows: Windows<'a>,
+        compared: HashSet<String>,
+    ) -> Self {
         let mut clock = Self {
             windows,
+            compared,
             actions: HashMap::new(),
             values: problem
                 .init_fluents
@@ -88,7 +98,26 @@ impl<'a> Clock<'a> {
             }
             Formula::Not(inner) => self.condition(time, inner, is_quantified, touched),
             Formula::Forall(_, inner) | Formula::Exists(_, inner) => self.condition(time, inner, true, touched),
+            Formula::Comp(_, left, right) => {
+                self.number(time, left, is_quantified, touched);
+                self.number(time, right, is_quantified, touched);
+            }
             _ => {}
+        }
+    }
+
+    fn number(&mut self, time: TimeSpec, expression: &'a Expr, is_quantified: bool, touched: &mut Touched<'a>) {
+        match expression {
+            Expr::Num(_) => {}
+            Expr::Fluent(name, terms) => {
+                touched.reads.push(Touch { time, name, terms });
+                self.coarse.extend(is_quantified.then_some(name.as_str()));
+            }
+            Expr::Add(left, right) | Expr::Sub(left, right) | Expr::Mul(left, right) | Expr::Div(left, right) => {
+                self.number(time, left, is_quantified, touched);
+                self.number(time, right, is_quantified, touched);
+            }
+            Expr::Neg(inner) => self.number(time, inner, is_quantified, touched),
         }
     }
 
@@ -99,7 +128,15 @@ impl<'a> Clock<'a> {
                 self.changed.insert(name);
                 self.coarse.extend(is_quantified.then_some(name.as_str()));
             }
-            Effect::Num(_, name, ..) => drop(self.changed.insert(name)),
+            Effect::Num(_, name, terms, amount) => {
+                self.changed.insert(name);
+                // Values that nothing depends on may be changed at any time.
+                if self.compared.contains(name) {
+                    touched.writes.push(Touch { time, name, terms });
+                    self.coarse.extend(is_quantified.then_some(name.as_str()));
+                    self.number(time, amount, is_quantified, touched);
+                }
+            }
             Effect::And(inner) => inner.iter().for_each(|part| self.effect(time, part, is_quantified, touched)),
             Effect::When(condition, inner) => {
                 self.condition(time, condition, is_quantified, touched);

@@ -4,7 +4,11 @@
 //! leaves. Parameters that may be one object are told apart: what an action takes away at its start it cannot need
 //! later, and what it brings at its start and takes away at its end does not stay.
 
-use ferroplan::types::{Action, Domain, DurativeAction, Effect, Expr, Formula, Term, TimeSpec};
+use std::collections::HashSet;
+
+use ferroplan::types::{Action, AssignOp, Domain, DurativeAction, Effect, Expr, Formula, Term, TimeSpec};
+
+use crate::planner::builtin::compared::{of_expression, of_formula};
 
 /// The domain without durations; `None` where an action is none of these.
 pub(super) fn compressed(domain: &Domain) -> Option<Domain> {
@@ -35,7 +39,8 @@ fn compress(action: &DurativeAction) -> Option<Action> {
         effects.extend(stays(effect, &ending)?);
     }
     for effect in &ending {
-        if looks(effect, &|condition| starting.iter().any(|start| changes_any(start, condition))) {
+        let is_changed = |formula: &Formula| starting.iter().any(|start| changes_any(start, formula));
+        if looks(effect, &is_changed) || reads_any(effect, &starting) {
             return None;
         }
         effects.push((*effect).clone());
@@ -104,9 +109,10 @@ fn before(formula: &Formula, starting: &[&Effect]) -> Option<Formula> {
 /// What is left of an effect at the start when the action has ended.
 fn stays(effect: &Effect, ending: &[&Effect]) -> Option<Option<Effect>> {
     let Some(made) = Literal::made(effect) else {
-        // Which atoms it is about is not seen here.
-        let is_touched = ending.iter().any(|end| changed(end).iter().any(|name| changed(effect).contains(name)));
-        return (!is_touched).then(|| Some(effect.clone()));
+        // Which atoms it is about is not seen here. What is added to a value and what is taken from it have no order.
+        let is_touched = |end: &&&Effect| changed(end).iter().any(|name| changed(effect).contains(name));
+        let mut touched = ending.iter().filter(is_touched);
+        return touched.all(|end| is_sum(effect) && is_sum(end)).then(|| Some(effect.clone()));
     };
     if !made.holds {
         return Some(Some(effect.clone()));
@@ -185,22 +191,42 @@ pub(super) fn looks(effect: &Effect, is_one: &dyn Fn(&Formula) -> bool) -> bool 
     }
 }
 
-/// The predicates that an effect changes.
+/// The predicates and functions that an effect changes.
 pub(super) fn changed(effect: &Effect) -> Vec<&str> {
     match effect {
-        Effect::Add(name, _) | Effect::Del(name, _) => vec![name],
-        Effect::Num(..) => Vec::new(),
+        Effect::Add(name, _) | Effect::Del(name, _) | Effect::Num(_, name, ..) => vec![name],
         Effect::And(inner) => inner.iter().flat_map(changed).collect(),
         Effect::When(_, inner) | Effect::Forall(_, inner) => changed(inner),
     }
 }
 
-/// Whether an effect changes a predicate of a formula.
+/// Whether an effect adds to a value or takes from it.
+fn is_sum(effect: &Effect) -> bool {
+    matches!(effect, Effect::Num(AssignOp::Increase | AssignOp::Decrease, ..))
+}
+
+/// Whether one of the amounts of an effect depends on a value that other effects change.
+fn reads_any(effect: &Effect, others: &[&Effect]) -> bool {
+    match effect {
+        Effect::Num(_, _, _, amount) => {
+            let mut read = HashSet::new();
+            of_expression(amount, &mut read);
+            others.iter().any(|other| changed(other).iter().any(|name| read.contains(*name)))
+        }
+        Effect::When(_, inner) | Effect::Forall(_, inner) => reads_any(inner, others),
+        Effect::And(inner) => inner.iter().any(|part| reads_any(part, others)),
+        Effect::Add(..) | Effect::Del(..) => false,
+    }
+}
+
+/// Whether an effect changes a predicate or a function of a formula.
 fn changes_any(effect: &Effect, formula: &Formula) -> bool {
     let changed = changed(effect);
     let mut is_changed = false;
     predicates(formula, &mut |name| is_changed |= changed.contains(&name));
-    is_changed
+    let mut compared = HashSet::new();
+    of_formula(formula, &mut compared);
+    is_changed || changed.iter().any(|name| compared.contains(*name))
 }
 
 /// Calls `each` with every predicate of a formula.

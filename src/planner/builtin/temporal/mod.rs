@@ -9,6 +9,8 @@ mod compress;
 mod snap;
 mod windows;
 
+use std::collections::HashSet;
+
 use ferroplan::types::{Domain, Problem};
 use ferroplan::{Plan, Step};
 
@@ -17,7 +19,8 @@ use compress::compressed;
 use snap::snapped;
 use windows::{UNITS, Windows};
 
-use super::classical::{self, Message, Numeric};
+use super::classical::{self, Message, NUMERIC_WORK, Numeric};
+use super::compared;
 use super::convert::convert;
 use super::ff_output::NoPlan;
 use super::options::Options;
@@ -48,21 +51,20 @@ pub(super) fn plan(
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let Some(flat) = compressed(domain) else { return false };
     let (flat, mut instance) = windows.opened(flat, problem);
-    instance.metric = None;
-    let Ok(mut lifted) = convert(&flat, &instance) else { return false };
-    if lifted.has_numbers {
+    let compared = compared::functions(&flat, &instance);
+    if !compared.is_empty() && has_other_metric(domain, problem) {
         return false;
     }
+    instance.metric = None;
+    let Ok(mut lifted) = convert(&flat, &instance) else { return false };
     lifted.keeps_equals = true;
     let grounded = &mut |action: &str, instances| send(Message::Progress(classical::grounding(action, instances)));
     let Ok(Ground::Task(mut task)) = ground(&lifted, memory, grounded) else { return false };
-    if task.numbers.count > 0 {
-        return false;
-    }
-    let clock = Clock::new(domain, problem, windows);
+    let work = if task.numbers.count > 0 { NUMERIC_WORK } else { WORK };
+    let clock = Clock::new(domain, problem, windows, compared);
     let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
     let Some(mut timing) = timing else { return false };
-    let settings = Settings { improvement: Improvement::Brief, memory, work: WORK };
+    let settings = Settings { improvement: Improvement::Brief, memory, work };
     let mut first = None;
     let end = solve(&task, settings, &mut |event| {
         if let Event::Plan(plan) = event {
@@ -78,10 +80,19 @@ pub(super) fn plan(
     };
     tell(report(&task, &timing, &first));
     estimate(&mut task, &mut timing);
-    let effort = Effort { first: WORK, better: if options.anytime { u64::MAX } else { HASTE } };
+    let effort = Effort { first: work, better: if options.anytime { u64::MAX } else { HASTE } };
     let end = timing.schedule(&first).map(|(_, end)| end);
     hasten(&task, &timing, end, effort, memory, &mut |steps| tell(report(&task, &timing, steps)));
     has_plan
+}
+
+/// Whether plans are measured by values that actions change, and not by their time.
+fn has_other_metric(domain: &Domain, problem: &Problem) -> bool {
+    let mut measured = HashSet::new();
+    problem.metric.iter().for_each(|(_, expression)| compared::of_expression(expression, &mut measured));
+    let effects = domain.durative_actions.iter().flat_map(|action| action.effects.iter().map(|(_, effect)| effect));
+    let mut effects = effects.chain(domain.actions.iter().map(|action| &action.effect));
+    effects.any(|effect| compress::changed(effect).iter().any(|name| measured.contains(*name)))
 }
 
 /// Why there is no plan, where that is proven in so much work: no order of starts and ends leads to the goal.
@@ -213,6 +224,73 @@ mod tests {
         let with_two = plans(domain, &problem("a b"));
         assert_eq!(with_two.last().map(|plan| plan.steps[0].args.clone()), Some(vec!["A".to_owned(), "B".to_owned()]));
         assert_eq!(plans(domain, &problem("a")).len(), 0);
+    }
+
+    /// Rovers that drive as far as their batteries lead them, and take samples.
+    fn rovers(battery: f64, metric: &str) -> Vec<f64> {
+        let domain = "(define (domain rover) (:requirements :strips :typing :durative-actions :numeric-fluents)
+            (:types rover place) (:predicates (at ?r - rover ?p - place) (sampled ?p - place))
+            (:functions (battery ?r - rover) (length ?a ?b - place) (used))
+            (:durative-action drive :parameters (?r - rover ?a ?b - place) :duration (= ?duration (length ?a ?b))
+              :condition (and (at start (at ?r ?a)) (at start (>= (battery ?r) (length ?a ?b))))
+              :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b)) (at end (increase (used) 1))
+                (at start (decrease (battery ?r) (length ?a ?b)))))
+            (:durative-action sample :parameters (?r - rover ?p - place) :duration (= ?duration 2)
+              :condition (over all (at ?r ?p)) :effect (at end (sampled ?p))))";
+        let problem = format!(
+            "(define (problem two) (:domain rover) (:objects r s - rover a b c - place)
+            (:init (at r a) (at s a) (= (battery r) {battery}) (= (battery s) {battery}) (= (used) 0)
+              (= (length a b) 3) (= (length b a) 3) (= (length b c) 4) (= (length c b) 4))
+            (:goal (and (sampled a) (sampled b) (sampled c))) {metric})"
+        );
+        plans(domain, &problem).iter().filter_map(|plan| plan.makespan).collect()
+    }
+
+    #[test]
+    fn what_changes_numbers_overlaps_where_they_are_others() {
+        assert_eq!(rovers(20.0, "").last(), Some(&9.002));
+        assert_eq!(rovers(7.0, "(:metric minimize (total-time))").last(), Some(&9.002));
+        // A battery does not last for both roads.
+        assert_eq!(rovers(6.0, "").len(), 0);
+    }
+
+    #[test]
+    fn a_metric_other_than_time_is_left_to_the_engine() {
+        assert_eq!(rovers(20.0, "(:metric minimize (used))").len(), 0);
+    }
+
+    /// A tank of which two may draw a litre each, with what holds of it meanwhile, and what they do to it.
+    fn tank(litres: u8, condition: &str, effects: &str) -> Option<f64> {
+        let domain = format!(
+            "(define (domain tank) (:requirements :strips :typing :durative-actions :numeric-fluents) (:types pump)
+            (:predicates (full ?p - pump)) (:functions (litres))
+            (:durative-action draw :parameters (?p - pump) :duration (= ?duration 5)
+              :condition (and (at start (>= (litres) 1)) {condition})
+              :effect (and {effects} (at end (full ?p)))))"
+        );
+        let problem = format!(
+            "(define (problem two) (:domain tank) (:objects p q - pump) (:init (= (litres) {litres}))
+            (:goal (and (full p) (full q))))"
+        );
+        plans(&domain, &problem).last()?.makespan
+    }
+
+    #[test]
+    fn what_is_taken_for_a_time_is_taken_by_one_after_the_other() {
+        let borrow = "(at start (decrease (litres) 1)) (at end (increase (litres) 1))";
+        assert_eq!(tank(1, "", borrow), Some(10.001));
+        assert_eq!(tank(1, "", "(at start (decrease (litres) 1))"), None);
+        assert_eq!(tank(2, "", "(at start (decrease (litres) 1))"), Some(10.001));
+    }
+
+    #[test]
+    fn numbers_that_an_action_changes_and_reads_later_are_left_to_the_engine() {
+        let draw = "(at start (decrease (litres) 1))";
+        assert_eq!(tank(5, "(over all (>= (litres) 0))", draw), None);
+        assert_eq!(tank(5, "(at end (>= (litres) 0))", draw), None);
+        assert_eq!(tank(5, "", &format!("{draw} (at end (increase (litres) (* 2 (litres))))")), None);
+        assert_eq!(tank(5, "", &format!("{draw} (at end (assign (litres) 5))")), None);
+        assert_eq!(tank(5, "", &format!("{draw} (at end (when (> (litres) 3) (full q)))")), None);
     }
 
     /// A shop that opens and closes, an hour's work for each order, and robots that fill one each at a time.
