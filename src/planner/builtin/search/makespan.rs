@@ -27,15 +27,26 @@ const WEIGHTS: [u64; 6] = [400, 40, 16, 8, 4, 1];
 /// The end of no plan, later than that of any.
 const NO_END: u64 = u64::MAX;
 
+/// A resource, and from when to when an operator touches it, after its start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Touch {
+    /// The number of the resource.
+    pub resource: u32,
+    /// The first moment.
+    pub from: u64,
+    /// The last moment.
+    pub to: u64,
+}
+
 /// How long operators take and what they touch. Times are in whole units.
 #[derive(Debug, Clone, Default)]
 pub struct Timing {
     /// How long each operator takes.
     pub durations: Vec<u64>,
-    /// The resources that each operator needs unchanged.
-    pub reads: Vec<Vec<u32>>,
-    /// The resources that each operator changes.
-    pub writes: Vec<Vec<u32>>,
+    /// What each operator needs unchanged.
+    pub reads: Vec<Vec<Touch>>,
+    /// What each operator changes.
+    pub writes: Vec<Vec<Touch>>,
     /// From when to when an operator may start, where it may not at any time; windows in order.
     pub windows: HashMap<OperatorId, Vec<(u64, u64)>>,
     /// How many resources there are.
@@ -46,7 +57,7 @@ pub struct Timing {
     pub gap: u64,
 }
 
-/// When each resource was read and written last; 0 for never.
+/// From when each resource is free of what reads and of what writes it.
 #[derive(Debug, Clone)]
 struct Times {
     read: Vec<u64>,
@@ -62,25 +73,25 @@ impl Timing {
     /// Adds an operator as early as it may start; returns when that is, or `None` where it is too late for it.
     fn add(&self, times: &mut Times, operator: OperatorId) -> Option<u64> {
         let number = operator as usize;
-        let after = |time: u64| if time == 0 { 0 } else { time + self.gap };
-        let reads = self.reads[number].iter().map(|resource| after(times.written[*resource as usize]));
-        let writes = self.writes[number]
-            .iter()
-            .map(|resource| after(times.written[*resource as usize].max(times.read[*resource as usize])));
+        // A part of an operator comes after all that those before it did to what it touches.
+        let written = |touch: &Touch| times.written[touch.resource as usize];
+        let touched = |touch: &Touch| written(touch).max(times.read[touch.resource as usize]);
+        let reads = self.reads[number].iter().map(|touch| written(touch).saturating_sub(touch.from));
+        let writes = self.writes[number].iter().map(|touch| touched(touch).saturating_sub(touch.from));
         let earliest = reads.chain(writes).max().unwrap_or(0);
         let start = match self.windows.get(&operator) {
             None => earliest,
             Some(windows) => windows.iter().find(|(_, to)| earliest <= *to)?.0.max(earliest),
         };
+        for touch in &self.reads[number] {
+            let read = &mut times.read[touch.resource as usize];
+            *read = (start + touch.to + self.gap).max(*read);
+        }
+        for touch in &self.writes[number] {
+            times.written[touch.resource as usize] = start + touch.to + self.gap;
+        }
         // What takes no time happens all the same: at the end, it was.
         let end = start + self.durations[number].max(1);
-        for resource in &self.reads[number] {
-            let read = &mut times.read[*resource as usize];
-            *read = end.max(*read);
-        }
-        for resource in &self.writes[number] {
-            times.written[*resource as usize] = end;
-        }
         times.end = end.max(times.end);
         Some(start)
     }
@@ -279,6 +290,10 @@ mod tests {
     use super::super::example::task;
     use super::*;
 
+    fn touch(resource: u32, from: u64, to: u64) -> Touch {
+        Touch { resource, from, to }
+    }
+
     /// Two robots that may each carry any of four boxes, one after the other.
     fn carriers() -> (Task, Timing) {
         let names: Vec<String> = (0..8).map(|number| format!("carry-{}-{}", number / 4, number % 4)).collect();
@@ -289,7 +304,7 @@ mod tests {
             .map(|(name, (pre, eff))| (name.as_str(), pre.as_slice(), eff.as_slice()))
             .collect();
         let task = task(&[2; 4], &[0; 4], &[(0, 1), (1, 1), (2, 1), (3, 1)], &operators);
-        let writes = (0..8_u32).map(|number| vec![number % 4, 4 + number / 4]).collect();
+        let writes = (0..8_u32).map(|number| vec![touch(number % 4, 0, 10), touch(4 + number / 4, 0, 10)]).collect();
         let timing = Timing {
             durations: vec![10; 8],
             reads: vec![Vec::new(); 8],
@@ -312,14 +327,30 @@ mod tests {
     fn what_only_reads_overlaps() {
         let timing = Timing {
             durations: vec![10, 20, 5],
-            reads: vec![vec![0], vec![0], Vec::new()],
-            writes: vec![Vec::new(), Vec::new(), vec![0]],
+            reads: vec![vec![touch(0, 0, 10)], vec![touch(0, 0, 20)], Vec::new()],
+            writes: vec![Vec::new(), Vec::new(), vec![touch(0, 0, 5)]],
             resources: 1,
             unit: 1,
             gap: 1,
             ..Timing::default()
         };
         assert_eq!(timing.schedule(&[0, 1, 2, 0]), Some((vec![0, 0, 21, 27], 37)));
+    }
+
+    #[test]
+    fn what_touches_a_resource_for_a_moment_keeps_others_off_it_for_a_moment() {
+        // The first changes it at its start, the second reads it at its end.
+        let timing = Timing {
+            durations: vec![10, 4],
+            reads: vec![Vec::new(), vec![touch(0, 4, 4)]],
+            writes: vec![vec![touch(0, 0, 0)], Vec::new()],
+            resources: 1,
+            unit: 1,
+            gap: 1,
+            ..Timing::default()
+        };
+        assert_eq!(timing.schedule(&[0, 0, 1]), Some((vec![0, 1, 0], 11)));
+        assert_eq!(timing.schedule(&[1, 0]), Some((vec![0, 5], 15)));
     }
 
     #[test]

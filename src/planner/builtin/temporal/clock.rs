@@ -1,12 +1,12 @@
 //! What the operators of a temporal task touch, how long they take, and when they may start.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use ferroplan::types::{Domain, Duration, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
 use super::compress::is_momentary;
 use super::windows::{Limit, UNITS, Window, Windows, intersected};
-use crate::planner::builtin::search::makespan::Timing;
+use crate::planner::builtin::search::makespan::{self, Timing};
 use crate::planner::builtin::search::task::{OperatorId, Task};
 
 /// A ground atom or the value of a function for some objects, or, of a predicate or function that occurs under a quantifier,
@@ -224,26 +224,30 @@ impl<'a> Clock<'a> {
             if let Some(windows) = self.starts(task, operator, duration) {
                 timing.windows.insert(operator, windows);
             }
-            let mut list = |atoms: &[Touch<'a>]| {
-                let atoms = atoms.iter().filter(|touch| self.changed.contains(touch.name));
-                let mut resources: Vec<u32> = atoms
-                    .map(|Touch { name, terms, .. }| {
-                        let is_coarse = self.coarse.contains(name);
-                        let arguments =
-                            terms.iter().filter(|_| !is_coarse).map(|term| object(term, &binding).to_owned());
-                        let next = numbers.len() as u32;
-                        *numbers.entry(((*name).to_owned(), arguments.collect())).or_insert(next)
-                    })
-                    .collect();
-                resources.sort_unstable();
-                resources.dedup();
-                resources
+            let mut list = |touches: &[Touch<'a>]| {
+                let mut spans: BTreeMap<u32, (u64, u64)> = BTreeMap::new();
+                for touch in touches.iter().filter(|touch| self.changed.contains(touch.name)) {
+                    let is_coarse = self.coarse.contains(touch.name);
+                    let arguments =
+                        touch.terms.iter().filter(|_| !is_coarse).map(|term| object(term, &binding).to_owned());
+                    let next = numbers.len() as u32;
+                    let resource = *numbers.entry((touch.name.to_owned(), arguments.collect())).or_insert(next);
+                    let (from, to) = match touch.time {
+                        TimeSpec::Start => (0, 0),
+                        TimeSpec::All => (0, duration),
+                        TimeSpec::End => (duration, duration),
+                    };
+                    let span = spans.entry(resource).or_insert((from, to));
+                    *span = (span.0.min(from), span.1.max(to));
+                }
+                spans.into_iter().map(|(resource, (from, to))| makespan::Touch { resource, from, to }).collect()
             };
             let (reads, writes) = (list(&action.reads), list(&action.writes));
             timing.reads.push(reads);
             timing.writes.push(writes);
         }
         timing.resources = numbers.len();
+        part(&mut timing);
         Some(timing)
     }
 
@@ -270,6 +274,18 @@ impl<'a> Clock<'a> {
             Expr::Div(left, right) => self.value(left, binding)? / self.value(right, binding)?,
             Expr::Neg(inner) => -self.value(inner, binding)?,
         })
+    }
+}
+
+/// Keeps each operator from running twice at once: it touches for all of its time one thing that it changes, of which
+/// the fewest operators change it.
+fn part(timing: &mut Timing) {
+    let mut counts = vec![0_u32; timing.resources];
+    timing.writes.iter().flatten().for_each(|touch| counts[touch.resource as usize] += 1);
+    for (number, writes) in timing.writes.iter_mut().enumerate() {
+        let duration = timing.durations[number];
+        let rarest = writes.iter_mut().min_by_key(|touch| (counts[touch.resource as usize], touch.resource));
+        rarest.into_iter().for_each(|touch| (touch.from, touch.to) = (0, duration));
     }
 }
 

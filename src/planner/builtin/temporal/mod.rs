@@ -276,11 +276,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_for_a_time_is_taken_by_one_after_the_other() {
+    fn what_is_given_back_is_taken_by_one_after_the_other() {
         let borrow = "(at start (decrease (litres) 1)) (at end (increase (litres) 1))";
         assert_eq!(tank(1, "", borrow), Some(10.001));
         assert_eq!(tank(1, "", "(at start (decrease (litres) 1))"), None);
-        assert_eq!(tank(2, "", "(at start (decrease (litres) 1))"), Some(10.001));
+        assert_eq!(tank(2, "", "(at start (decrease (litres) 1))"), Some(5.001));
     }
 
     #[test]
