@@ -400,6 +400,8 @@ fn a_plan_reads_alike_from_a_file_and_from_a_planner() {
     let whole = format!("{bare}; cost = 8 (unit cost)\n");
     let numbered = lines(&|at, step| format!("{at}: {step}"));
     let timed = lines(&|at, step| format!("{at}.000: ({step}) [1.000]"));
+    let together = lines(&|_, step| format!("0.000: ({step}) [1.000]"));
+    let backwards = |text: &str| text.lines().rev().map(|line| format!("{line}\n")).collect::<String>();
     let gap = lines(&|at, step| if at == 3 { String::new() } else { format!("{at}: {step}") });
     let tasks = ["fixtures/transcripts/tasks/dom.pddl", "fixtures/transcripts/tasks/p_plan.pddl"];
     for (text, verdict) in [
@@ -411,6 +413,10 @@ fn a_plan_reads_alike_from_a_file_and_from_a_planner() {
         (whole.repeat(2), "the plan is valid, value 8"),
         (numbered.repeat(2), "the plan is valid, value 8"),
         (timed.repeat(2), "the plan is valid, value 8"),
+        // Without time in the task, steps of one time are in the order of the file.
+        (backwards(&timed), "the plan is valid, value 8"),
+        (backwards(&together), "the plan is invalid"),
+        (together, "the plan is valid, value 8"),
         // Of several plans, the last counts, in whichever spelling.
         (format!("{ff}{numbered}"), "the plan is valid, value 8"),
         (format!("{ff}{whole}"), "the plan is valid, value 8"),
