@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 
 use bson::RawDocumentBuf;
 
-use super::cursor::{self, Open, Origin, Owner, Results, SETTLE_TIMEOUT};
+use super::cursor::{self, Open, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
 use super::job::{Job, Work};
 use super::mailbox::{Inbox, Letter, More, Question, Reply};
+use super::origin::Origin;
 use super::server::Server;
 use super::session::Once;
 use crate::memory::Memory;

@@ -30,6 +30,7 @@ mod job;
 mod listener;
 pub mod lock;
 mod mailbox;
+mod origin;
 mod panic;
 mod reading;
 mod request;

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, Timestamp};
 
-use super::cursor::Origin;
 use super::failure::{Failure, codes};
 use super::fields::Fields;
+use super::origin::Origin;
 use super::session::SessionId;
 use crate::store::Namespace;
 
