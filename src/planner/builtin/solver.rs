@@ -204,6 +204,8 @@ fn timed(
     if let Some(reason) = temporal::refuted(task, instance, classical::memory(), classical::NUMERIC_WORK) {
         return Ok(Some(reason));
     }
+    let bare = temporal::without_own(domain);
+    let domain = bare.as_deref().unwrap_or(domain);
     let mut reason = None;
     // A plan for what must be is there sooner than one that pleases as well.
     let quick = (options.anytime && pddl3::has_preferences(instance)).then_some(false);
@@ -285,6 +287,24 @@ mod tests {
         assert_eq!(task("acdom", "acp").0.cost, Some(4.0));
         let (transcript, _) = task("durdom", "durp");
         assert_eq!(transcript.actions.iter().map(|action| action.duration).collect::<Vec<_>>(), [Some(5.0), Some(5.0)]);
+    }
+
+    #[test]
+    fn a_match_burns_while_fuses_are_mended() {
+        let domain = "(define (domain cellar) (:requirements :typing :durative-actions) (:types match fuse)
+            (:predicates (free) (unused ?m - match) (mended ?f - fuse) (light ?m - match))
+            (:durative-action burn :parameters (?m - match) :duration (= ?duration 5)
+              :condition (and (at start (unused ?m)) (over all (light ?m)))
+              :effect (and (at start (not (unused ?m))) (at start (light ?m)) (at end (not (light ?m)))))
+            (:durative-action mend :parameters (?f - fuse ?m - match) :duration (= ?duration 2)
+              :condition (and (at start (free)) (over all (light ?m)))
+              :effect (and (at start (not (free))) (at end (mended ?f)) (at end (free)))))";
+        let problem = "(define (problem two) (:domain cellar) (:objects m n - match f g h - fuse)
+            (:init (free) (unused m) (unused n)) (:goal (and (mended f) (mended g) (mended h))))";
+        let mut text = String::new();
+        assert_eq!(child(domain, problem, Options::default(), &mut |part| text.push_str(part)), 0, "{text}");
+        let actions = ff::read(&text, "").actions;
+        assert_eq!(actions.iter().filter(|action| action.name.eq_ignore_ascii_case("mend")).count(), 3, "{text}");
     }
 
     #[test]

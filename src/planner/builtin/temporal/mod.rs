@@ -4,6 +4,7 @@
 //! other; then the steps are moved to where they may start first, by what they touch (`clock`) and by when timed facts
 //! hold (`windows`).
 
+mod asked;
 mod clock;
 mod compress;
 mod snap;
@@ -11,9 +12,10 @@ mod windows;
 
 use std::collections::HashSet;
 
-use ferroplan::types::{Domain, Problem};
+use ferroplan::types::{Action, Domain, Effect, Formula, Problem};
 use ferroplan::{Plan, Step};
 
+pub(super) use asked::without_own;
 use clock::Clock;
 use compress::compressed;
 use snap::snapped;
@@ -49,9 +51,9 @@ pub(super) fn plan(
         return false;
     }
     let Some(windows) = Windows::new(domain, problem) else { return false };
-    let Some(flat) = compressed(domain) else { return false };
+    let compared = compared::functions(&joined(domain), problem);
+    let Some(flat) = compressed(&without_others(domain, &compared)) else { return false };
     let (flat, mut instance) = windows.opened(flat, problem);
-    let compared = compared::functions(&flat, &instance);
     if !compared.is_empty() && has_other_metric(domain, problem) {
         return false;
     }
@@ -84,6 +86,46 @@ pub(super) fn plan(
     let end = timing.schedule(&first).map(|(_, end)| end);
     hasten(&task, &timing, end, effort, memory, &mut |steps| tell(report(&task, &timing, steps)));
     has_plan
+}
+
+/// The domain with all that durative actions ask and do as if it were at one moment.
+fn joined(domain: &Domain) -> Domain {
+    let mut joined = domain.clone();
+    joined.actions.extend(domain.durative_actions.iter().map(|action| Action {
+        name: action.name.clone(),
+        params: action.params.clone(),
+        precond: Formula::And(action.conditions.iter().map(|(_, condition)| condition.clone()).collect()),
+        effect: Effect::And(action.effects.iter().map(|(_, effect)| effect.clone()).collect()),
+        monitored: false,
+    }));
+    joined
+}
+
+/// The domain whose durative actions change no values but those of some functions.
+fn without_others(domain: &Domain, functions: &HashSet<String>) -> Domain {
+    fn is_of(effect: &Effect, functions: &HashSet<String>) -> bool {
+        match effect {
+            Effect::Num(_, name, ..) => functions.contains(name),
+            Effect::When(_, inner) | Effect::Forall(_, inner) => is_of(inner, functions),
+            Effect::And(_) | Effect::Add(..) | Effect::Del(..) => true,
+        }
+    }
+    fn keep(effect: &mut Effect, functions: &HashSet<String>) {
+        match effect {
+            Effect::And(parts) => {
+                parts.retain(|part| is_of(part, functions));
+                parts.iter_mut().for_each(|part| keep(part, functions));
+            }
+            Effect::When(_, inner) | Effect::Forall(_, inner) => keep(inner, functions),
+            Effect::Add(..) | Effect::Del(..) | Effect::Num(..) => {}
+        }
+    }
+    let mut domain = domain.clone();
+    for action in &mut domain.durative_actions {
+        action.effects.retain(|(_, effect)| is_of(effect, functions));
+        action.effects.iter_mut().for_each(|(_, effect)| keep(effect, functions));
+    }
+    domain
 }
 
 /// Whether plans are measured by values that actions change, and not by their time.
@@ -252,6 +294,16 @@ mod tests {
         assert_eq!(rovers(7.0, "(:metric minimize (total-time))").last(), Some(&9.002));
         // A battery does not last for both roads.
         assert_eq!(rovers(6.0, "").len(), 0);
+    }
+
+    #[test]
+    fn numbers_that_no_condition_reads_do_not_matter() {
+        let domain = "(define (domain meter) (:requirements :strips :durative-actions :numeric-fluents)
+            (:predicates (done)) (:functions (used) (rate))
+            (:durative-action work :parameters () :duration (= ?duration 3)
+              :effect (and (at start (increase (rate) 1)) (at end (increase (used) (rate))) (at end (done)))))";
+        let problem = "(define (problem one) (:domain meter) (:init (= (used) 0) (= (rate) 0)) (:goal (done)))";
+        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(3.0));
     }
 
     #[test]
