@@ -168,6 +168,15 @@ mod tests {
     }
 
     #[test]
+    fn types_are_called_by_their_names() {
+        let text = |value: Bson| called("function(x) { return x + 1 }", &[value]).unwrap();
+        assert_eq!(text(Bson::MaxKey), Some("[object MaxKey]1".into()));
+        assert_eq!(text(Bson::MinKey), Some("[object MinKey]1".into()));
+        let class = "function(x) { return Object.prototype.toString.call(x) }";
+        assert_eq!(called(class, &[5i64.into()]).unwrap(), Some("[object NumberLong]".into()));
+    }
+
+    #[test]
     fn what_throws_loops_recurses_or_takes_memory_is_an_error_and_the_next_call_works() {
         for code in [
             "throw new Error('no')",

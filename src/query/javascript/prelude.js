@@ -5,6 +5,7 @@
   const hide = (object, name, value) => Object.defineProperty(object, name, { value });
   const type = (constructor, tag, methods) => {
     hide(constructor.prototype, '__bson', tag);
+    hide(constructor.prototype, Symbol.toStringTag, constructor.name);
     Object.keys(methods).forEach((name) => hide(constructor.prototype, name, methods[name]));
     globalThis[constructor.name] = constructor;
   };
