@@ -141,7 +141,8 @@ _ARGUMENTS: dict[str, str] = {
     "--at": "at=…",
 }
 
-_OPTION = re.compile(r"(?<![\w-])(--[a-z][a-z-]*)(?: [A-Z]+\b| (?P<value>'[^'\n]*'))?(?![\w=-])")
+# A value in double quotes stays as it is, and so does a path.
+_OPTION = re.compile(r'"(?:[^"\\\n]|\\.)*"|' r"(?<![\w/-])(--[a-z][a-z-]*)(?: [A-Z]+\b| (?P<value>'[^'\n]*'))?(?![\w=-])")
 
 
 def _in_python(message: str) -> str:
@@ -154,6 +155,8 @@ def _in_python(message: str) -> str:
 
 
 def _argument(found: re.Match[str]) -> str:
+    if found[1] is None:
+        return found[0]
     return _ARGUMENTS.get(found[1], found[0]).replace("…", found["value"] or "…")
 
 

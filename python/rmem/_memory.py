@@ -194,7 +194,7 @@ class Memory:
         An empty query is taken with ``many`` only: it removes all documents.
         """
         text = _text(query)
-        everything = "--all" if text.replace(" ", "") == "{}" else "--many"
+        everything = "--all" if "".join(text.split()) == "{}" else "--many"
         words = ["delete", ns, text, "--format", "jsonl"] + ([everything] if many else [])
         return int(self._run(words))
 

@@ -91,7 +91,12 @@ def test_messages_name_arguments_instead_of_options(memory: Memory) -> None:
     assert memory.update(NS, {"_id": 1}, {"kind": "bowl"}, replace=True)["modified"] == 1
     with pytest.raises(rmem.UsageError, match="--all"):
         memory.run("delete", NS)
-    assert memory.delete(NS, {}, many=True) == 2
+    assert memory.delete(NS, " {\n}", many=True) == 2
+    memory.insert(NS, {"_id": "--all"})
+    with pytest.raises(rmem.Conflict, match='_id: "--all"'):
+        memory.insert(NS, {"_id": "--all"})
+    with pytest.raises(rmem.BadInput, match="/x/--all"):
+        memory.plan("/x/--all", template=TEMPLATE, goal="(and)")
 
 
 def test_an_argument_that_looks_like_an_option_is_none(memory: Memory) -> None:

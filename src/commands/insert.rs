@@ -219,20 +219,19 @@ fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>)
     Ok(())
 }
 
-/// The error with the option for CSV, TSV or YAML, where the first line looks like it.
+/// The error with the option for CSV or YAML, where the first line looks like it.
 fn of_other_type(error: ReadError) -> ReadError {
     let ReadError::Text(error) = error else { return error };
     let line = error.excerpt().filter(|_| error.position().0 == 1).unwrap_or_default().trim_end();
     let is_key = |text: &str| {
         let text = text.trim().trim_matches('"');
-        !text.is_empty() && !text.contains(['{', '}', '[', ']', ':', ',', '\''])
+        let is_literal = ["true", "false", "null", "none"].iter().any(|word| text.eq_ignore_ascii_case(word));
+        !text.is_empty() && !is_literal && text.chars().all(|c| c.is_alphanumeric() || "_-.$".contains(c))
     };
     let are_keys = |sign: char| line.contains(sign) && line.split(sign).all(is_key);
     let is_mapping = || line.split_once(':').is_some_and(|(key, _)| is_key(key.trim_start_matches("- ")));
     let (name, kind) = match () {
         () if are_keys(',') => ("CSV", "csv"),
-        // A tab is shown as a blank.
-        () if are_keys(' ') => ("TSV", "tsv"),
         () if line == "---" || is_mapping() => ("YAML", "yaml"),
         () => return error.into(),
     };

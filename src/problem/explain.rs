@@ -156,8 +156,8 @@ impl Generated {
     fn marker_section(&self, source: &Source, offset: usize) -> Option<&SectionReport> {
         let template = source.text().contains("<<#").then(|| marker::parse(source).ok()).flatten()?;
         let section = template.queried_at(offset)?;
-        let line = source.position(section.span.start).0;
-        self.sections.iter().find(|report| report.line == line && report.name == section.name)
+        let place = source.position(section.span.start);
+        self.sections.iter().find(|report| (report.line, report.column) == place)
     }
 
     /// The template it was made from.

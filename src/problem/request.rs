@@ -61,6 +61,8 @@ pub struct SectionReport {
     pub part: Option<String>,
     /// The line of the template, from 1.
     pub line: usize,
+    /// The column there, from 1.
+    pub column: usize,
 }
 
 impl SectionReport {

@@ -1,6 +1,6 @@
 //! The client of a connection.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -24,8 +24,8 @@ pub(super) struct Client {
     pub(super) user: Option<User>,
     /// A login that has begun.
     pub(super) login: Option<Conversation>,
-    /// The sessions whose transactions it has begun.
-    pub(super) transactions: HashSet<SessionId>,
+    /// The sessions whose transactions it has begun, and the number of the last one of each.
+    pub(super) transactions: HashMap<SessionId, i64>,
     /// Whether it is being answered.
     pub(super) is_busy: Arc<AtomicBool>,
 }

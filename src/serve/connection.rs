@@ -13,9 +13,10 @@ use super::client::Client;
 use super::command;
 use super::failure::{Answer, Failure, codes};
 use super::host::{Host, Lazy, TICK};
-use super::job::Job;
+use super::job::{Abandoned, Job};
 use super::panic;
 use super::server::{Counters, Server};
+use super::session::Once;
 use super::stream::Stream;
 use super::wire::{self, Form, Message, Reply, WireError};
 
@@ -30,8 +31,9 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     drop(reader);
     server.leave(client.id);
     if !client.transactions.is_empty() {
-        server.readings.end_all(|session| client.transactions.contains(session));
-        let _ = server.writer.submit(Job::abandon(client.transactions.into_iter().collect()));
+        let begun = client.transactions.into_iter().map(|(session, number)| Once { session, number });
+        let begun: Vec<Once> = begun.filter(|once| !server.readings.end(once)).collect();
+        let _ = server.writer.submit(Job::Abandon(Abandoned::Begun(begun)));
     }
     linger(host);
 }

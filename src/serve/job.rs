@@ -21,21 +21,37 @@ pub(super) enum Job {
     Write { ns: Namespace, once: Option<Once>, work: Work, reply: Reply },
     /// A command of a transaction, or its end.
     Step(Step),
-    /// Sessions, or all, or the connections that used them last, have ended.
-    Abandon { sessions: Option<Vec<SessionId>> },
+    /// Transactions end without their commit.
+    Abandon(Abandoned),
     /// The server ends.
     Stop,
 }
 
 impl Job {
-    /// Ends the transactions of sessions: their connection is gone, or the client has ended them.
+    /// Ends whatever transactions sessions have.
     pub(super) fn abandon(sessions: Vec<SessionId>) -> Self {
-        Self::Abandon { sessions: Some(sessions) }
+        Self::Abandon(Abandoned::Sessions(sessions))
     }
+}
 
-    /// Ends all transactions.
-    pub(super) fn abandon_all() -> Self {
-        Self::Abandon { sessions: None }
+/// Which transactions end.
+pub(super) enum Abandoned {
+    /// All.
+    All,
+    /// Those of sessions, which have ended.
+    Sessions(Vec<SessionId>),
+    /// Those that a connection has begun, which is gone: later ones of the same sessions may be others'.
+    Begun(Vec<Once>),
+}
+
+impl Abandoned {
+    /// Whether a transaction is one of them.
+    pub(super) fn includes(&self, once: &Once) -> bool {
+        match self {
+            Self::All => true,
+            Self::Sessions(sessions) => sessions.contains(&once.session),
+            Self::Begun(begun) => begun.contains(once),
+        }
     }
 }
 

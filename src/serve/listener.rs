@@ -174,7 +174,7 @@ impl Listener {
             needs_login: server.options.users.is_some(),
             user: None,
             login: None,
-            transactions: std::collections::HashSet::new(),
+            transactions: std::collections::HashMap::new(),
             is_busy,
         };
         let shared = Arc::clone(server);

@@ -179,11 +179,7 @@ impl Open {
                         failed = perform(&mut host, memory, ns, &other, &call, step.reply);
                     }
                 },
-                Some(Job::Abandon { sessions })
-                    if sessions.as_ref().is_none_or(|sessions| sessions.contains(&self.once.session)) =>
-                {
-                    break End::Abort(None);
-                }
+                Some(Job::Abandon(abandoned)) if abandoned.includes(&self.once) => break End::Abort(None),
                 Some(Job::Step(step)) if self.is_late(&step) => {
                     let last = desk.server.sessions.last(&step.once.session);
                     let is_older = step.once.session == self.once.session && step.once.number < self.once.number;
@@ -215,7 +211,7 @@ impl Open {
         let once = match job {
             Job::Step(step) => Some(&step.once).filter(|_| step.is_first()),
             Job::Write { once, .. } => once.as_ref(),
-            Job::Abandon { .. } | Job::Stop => None,
+            Job::Abandon(_) | Job::Stop => None,
         };
         once.is_some_and(|once| once.session == self.once.session && once.number > self.once.number)
     }

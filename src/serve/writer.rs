@@ -67,7 +67,7 @@ impl Desk<'_> {
             Job::Write { ns, once, work, reply } => self.group(Write { ns, once, work, reply }),
             Job::Step(step) => transaction::run(self, step),
             // Nothing is open: a transaction has the thread for itself.
-            Job::Abandon { .. } | Job::Stop => {}
+            Job::Abandon(_) | Job::Stop => {}
         }
     }
 

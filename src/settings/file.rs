@@ -247,7 +247,9 @@ fn unquoted(text: &str, offset: usize) -> Option<String> {
     let line = text.get(start..)?.lines().next()?;
     let (key, value) = line.split_once('=')?;
     let value = value.split(" #").next().unwrap_or_default().trim();
-    let is_plain = !value.is_empty() && !value.contains(['"', '\'', '[', ']', '{', '}', '\\', ',']);
+    let is_word = ["true", "false", "yes", "no", "on", "off"].iter().any(|word| value.eq_ignore_ascii_case(word));
+    let is_number = value.chars().all(|c| c.is_ascii_digit() || "+-._".contains(c));
+    let is_plain = !is_word && !is_number && !value.contains(['=', '"', '\'', '[', ']', '{', '}', '\\', ',']);
     let is_value = toml::from_str::<toml::Table>(&format!("x = {value}")).is_ok();
     (is_plain && !is_value).then(|| format!("{} = \"{value}\"", key.trim()))
 }
@@ -269,6 +271,9 @@ mod tests {
             ("collection = robmem.orders", "collection = \"robmem.orders\""),
         ] {
             assert!(complaint(text).contains(&format!("string values are quoted: {quoted}")), "{}", complaint(text));
+        }
+        for text in ["log_append = True", "clear_on_stop = yes", "port = 027017", "memory == x"] {
+            assert!(!complaint(text).contains("are quoted"), "{}", complaint(text));
         }
         for text in ["memory = \"a\" b", "memroy = 1", "shared_databases = [a]", "memory"] {
             assert!(!complaint(text).contains("are quoted"), "{}", complaint(text));

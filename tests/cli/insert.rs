@@ -215,8 +215,11 @@ fn rows_of_values_without_their_type_get_the_option_for_it() {
     ");
     let refused = |text: &str| lab.rmem_with(&["insert", "a.b"], text).exits(3).stderr;
     assert!(refused("name,is\nA,box\n").contains("for CSV: --type csv, or --file with a name that ends in .csv"));
-    assert!(refused("name\tis\nA\tbox\n").contains("for TSV: --type tsv"));
     assert!(refused("name: A\nis: box\n").contains("for YAML: --type yaml"));
-    assert!(!refused("{name: A}\n").contains("--type"), "{}", refused("{name: A}\n"));
+    for other in
+        ["{name: A}\n", "(robot (name R1))\n", "hello world\n", "INSERT INTO x VALUES (1, 2)\n", "True, False\n"]
+    {
+        assert!(!refused(other).contains("--type"), "{}", refused(other));
+    }
     assert_eq!(lab.rmem_with(&["insert", "a.b", "--type", "csv", "-q"], "_id,is\n1,box\n").success(), "1\n");
 }

@@ -169,7 +169,8 @@ impl Examiner<'_> {
         let query = doc! { path: operators };
         // As a query, it may be wrong.
         let documents = self.count(&query).ok()?;
-        Some(Remark::NoDollar { query, documents })
+        // Names of operators are names of keys as well.
+        (documents > 0).then_some(Remark::NoDollar { query, documents })
     }
 
     /// What there is instead of a key in a document inside.

@@ -220,13 +220,15 @@ impl<'a> Expander<'a> {
             }
         };
         let documents = answer.map_err(|error| self.failed(section, error))?;
+        let (line, column) = template.position(section.span.start);
         self.reports.push(SectionReport {
             name: section.name.clone(),
             namespace: ns.clone(),
             query: asked,
             matched: 0,
             part: None,
-            line: template.position(section.span.start).0,
+            line,
+            column,
         });
         Ok((documents, self.reports.len() - 1))
     }

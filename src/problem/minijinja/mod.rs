@@ -324,13 +324,15 @@ fn assemble(
 fn sections(context: &Context, template: &Texts) -> Vec<SectionReport> {
     let section = |asked: Asked| {
         let span = asked.site.and_then(|site| context.sites.get(site)).copied().unwrap_or_default();
+        let (line, column) = template.position(span.start);
         SectionReport {
             name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
             namespace: asked.namespace.as_ref().clone(),
             query: asked.query,
             matched: asked.matched.load(Ordering::Relaxed),
             part: template.part(span.start),
-            line: template.position(span.start).0,
+            line,
+            column,
         }
     };
     context.asked().into_iter().map(section).collect()

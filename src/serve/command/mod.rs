@@ -193,7 +193,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
     }
     if part.starts {
-        client.transactions.insert(session.clone());
+        client.transactions.insert(session.clone(), part.number);
     }
     let end = match command.name {
         "commitTransaction" => Some((Action::Commit, How::Committed)),

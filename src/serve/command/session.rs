@@ -8,7 +8,7 @@ use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::Fields;
 use crate::serve::host::{self, Host};
-use crate::serve::job::Job;
+use crate::serve::job::{Abandoned, Job};
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::{SessionId, TIMEOUT_MINUTES};
@@ -44,7 +44,7 @@ fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.fields().documents(&call.request.name)?;
     host.server.cursors.kill_all(|open| open.origin.session.is_some());
     host.server.readings.end_all(|_| true);
-    host.server.writer.submit(Job::abandon_all())?;
+    host.server.writer.submit(Job::Abandon(Abandoned::All))?;
     host::empty()
 }
 

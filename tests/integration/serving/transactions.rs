@@ -22,6 +22,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
     ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
+    ("a_connection_that_ends_leaves_later_transactions_of_its_session", handed),
 ];
 
 /// A session on a connection of its own.
@@ -327,6 +328,29 @@ fn abandoned() -> Result<(), Failed> {
     assert_eq!(count(&mut other)?, 1);
     let mut again = Session { wire: other, id };
     refused(again.end(1, "commitTransaction")?, 251);
+    Ok(())
+}
+
+fn handed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    for (number, is_writing) in [(1, true), (3, false)] {
+        let command = |id| if is_writing { insert(id) } else { all() };
+        let mut first = Session::open(&served)?;
+        let mut second = Session { wire: Wire::connect(served.address())?, id: first.id.clone() };
+        assert!(!first.run(number, true, command(1))?.contains_key("code"));
+        fine(second.end(number, "commitTransaction")?);
+        assert!(!second.run(number + 1, true, command(2))?.contains_key("code"));
+        drop(first);
+        // The server has seen that it is gone.
+        while plain(&mut second.wire, doc! { "serverStatus": 1 })?.get_document("connections")?.get_i64("current")? > 1
+        {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(!second.run(number + 1, false, command(3))?.contains_key("code"));
+        fine(second.end(number + 1, "commitTransaction")?);
+    }
+    assert_eq!(count(&mut Wire::connect(served.address())?)?, 3);
     Ok(())
 }
 

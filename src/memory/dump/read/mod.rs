@@ -403,11 +403,15 @@ fn other_reader(head: &str, file: &str) -> Option<String> {
     let first = head.strip_prefix('{').and_then(|rest| rest.split_once(':'));
     // Comments may stand in front of PDDL.
     let code = head.lines().map(str::trim_start).find(|line| !line.is_empty() && !line.starts_with(';'));
-    let is_pddl = code
-        .and_then(|code| code.strip_prefix('('))
-        .is_some_and(|list| list.trim_start().get(..6).is_some_and(|word| word.eq_ignore_ascii_case("define")));
-    if is_pddl {
-        return Some(format!("`rmem validate` checks PDDL, `rmem plan --domain {file}` plans with a domain"));
+    let list = code.and_then(|code| code.strip_prefix('(')).unwrap_or_default().to_ascii_lowercase();
+    if let Some(defined) = list.trim_start().strip_prefix("define") {
+        let is_problem = defined.trim_start_matches(['(', ' ', '\t']).starts_with("problem");
+        return Some(match is_problem {
+            true => {
+                format!("`rmem import-problem` stores a problem's facts, `rmem plan --problem {file}` plans for it")
+            }
+            false => format!("`rmem validate` checks PDDL, `rmem plan --domain {file}` plans with a domain"),
+        });
     }
     if head.starts_with(['(', ';']) {
         return Some(format!("`rmem clips import {file}` reads facts of CLIPS"));

@@ -52,7 +52,8 @@ pub(super) fn plan(
     }
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let compared = compared::functions(&joined(domain), problem);
-    let Some(flat) = compressed(&without_others(domain, &compared)) else { return false };
+    let flat = compressed(domain).or_else(|| compressed(&without_others(domain, &compared)));
+    let Some(flat) = flat else { return false };
     let (flat, mut instance) = windows.opened(flat, problem);
     if !compared.is_empty() && has_other_metric(domain, problem) {
         return false;
