@@ -40,7 +40,7 @@ pub struct MongoDb {
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.
     version: OnceLock<i32>,
-    /// Who has to confirm a write, where it is not who the URI says.
+    /// The write concern, where it is another one than in the URI.
     confirmation: Option<WriteConcern>,
     /// The URI without credentials and options.
     address: String,
