@@ -6,6 +6,7 @@
 //! A file is asked once in each operation whether they have changed, a server at most once a second.
 
 use std::rc::Rc;
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
@@ -17,6 +18,12 @@ use super::state::{Kept, Wanted};
 use crate::memory::Memory;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, metadata};
+
+/// Asks for all of them in the order in which they were added. Nearly every operation asks.
+static IN_ORDER: LazyLock<Find> = LazyLock::new(|| Find {
+    sort: doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 },
+    ..Find::default()
+});
 
 /// How long those of a server are believed to be as they were.
 const MOST_AGE: Duration = Duration::from_secs(1);
@@ -64,8 +71,7 @@ impl Memory {
     /// What a collection of computables has, in the order in which they were added.
     fn records(&self, place: &Namespace) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let Some(store) = self.routes.existing(place)? else { return Ok(Vec::new()) };
-        let find = Find { sort: doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 }, ..Find::default() };
-        store.find(place, &find)?.collect()
+        store.find(place, &IN_ORDER)?.collect()
     }
 
     /// The collections of computables.

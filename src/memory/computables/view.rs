@@ -64,7 +64,12 @@ impl View {
     pub(in crate::memory) fn visible(&self) -> Document {
         let mut visible = metadata::visible(self.at);
         match &self.tokens {
-            // A stored document has no token, and null equals missing.
+            // Only stored documents are seen, which have no token. MongoDB would look for null before it looks at the
+            // conditions of the operation, and for what is not there afterwards.
+            Some(tokens) if matches!(tokens.as_slice(), [Bson::Null]) => {
+                visible.insert(metadata::TOKEN_PATH, doc! { "$exists": false })
+            }
+            // Null equals missing.
             Some(tokens) => visible.insert(metadata::TOKEN_PATH, doc! { "$in": tokens }),
             // What is kept longer than the cache holds, is kept for the query that it was computed for.
             None => visible.insert(metadata::info_path("cached_until"), doc! { "$not": { "$lte": self.at } }),
@@ -80,5 +85,29 @@ impl View {
         } else {
             doc! { "$and": [unseen::in_filter(filter), visible] }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::Filter;
+
+    #[test]
+    fn stored_documents_are_seen_and_of_computed_ones_those_that_are_allowed() {
+        let (at, token) = (DateTime::from_millis(10), ObjectId::new());
+        let stored = doc! { "name": "cup" };
+        let computed = doc! { "name": "cup", "_robmem_info": { "computation": { "token": token } } };
+        let decayed = doc! { "name": "cup", "_robmem_info": { "decay_time": at } };
+        let mut view = View::at(at);
+        let seen = |view: &View| {
+            let filter = Filter::parse(&view.filter(&doc! { "name": "cup" })).unwrap();
+            [&stored, &computed, &decayed].map(|document| filter.matches_document(document).unwrap())
+        };
+        assert_eq!(seen(&view), [true, false, false]);
+        view.allow(ObjectId::new());
+        assert_eq!(seen(&view), [true, false, false]);
+        view.allow(token);
+        assert_eq!(seen(&view), [true, true, false]);
     }
 }

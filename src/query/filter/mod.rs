@@ -14,7 +14,7 @@ mod test;
 mod tree;
 mod types;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bson::{Bson, DateTime, Document, RawDocument};
 
@@ -43,7 +43,8 @@ fn check_searches(root: &Node) -> Result<()> {
 #[derive(Debug)]
 pub struct Filter {
     root: Node,
-    prefilter: Option<Prefilter>,
+    /// Made for the first document that is looked at: a filter that an index answers may see none.
+    prefilter: OnceLock<Option<Prefilter>>,
     variables: Variables,
     /// The default of `$$NOW`: the time at which the filter was parsed.
     now: DateTime,
@@ -64,7 +65,7 @@ impl Filter {
             return Err(QueryError::bad_value("a filter can ask only once for what is near"));
         }
         check_searches(&root)?;
-        Ok(Self { prefilter: Prefilter::of(&root), root, variables, now: DateTime::now() })
+        Ok(Self { prefilter: OnceLock::new(), root, variables, now: DateTime::now() })
     }
 
     /// [`Filter::parse`] with constants its expressions can use as `$$name`.
@@ -80,7 +81,7 @@ impl Filter {
     pub(super) fn parse_with(filter: &Document, parser: &Parser<'_>) -> Result<Self> {
         let root = parser.filter(filter)?;
         check_searches(&root)?;
-        Ok(Self { prefilter: Prefilter::of(&root), root, variables: Variables::default(), now: DateTime::now() })
+        Ok(Self { prefilter: OnceLock::new(), root, variables: Variables::default(), now: DateTime::now() })
     }
 
     /// Returns whether a document matches.
@@ -88,7 +89,7 @@ impl Filter {
     /// # Errors
     /// If an expression of the filter fails on the document.
     pub fn matches(&self, document: &RawDocument) -> Result<bool> {
-        match &self.prefilter {
+        match self.prefilter.get_or_init(|| Prefilter::of(&self.root)) {
             Some(prefilter) if !prefilter.may_match(document.as_bytes()) => Ok(false),
             _ => self.root.matches(document.into(), &mut self.context()),
         }
@@ -122,21 +123,23 @@ impl Filter {
         &self.root
     }
 
-    /// Decides conditions on a path as they are decided for every document which
-    /// lacks it. To be applied to such documents only.
-    pub fn assume_missing(&mut self, path: &str) {
+    /// Decides conditions on paths as they are decided for every document which lacks them. To be applied to such
+    /// documents only.
+    pub fn assume_missing(&mut self, paths: &[&str]) {
         let empty = Document::new();
         let decided = |node: Node| match &node {
-            Node::Field(own, _) if own.text() == path => match node.matches((&empty).into(), &mut Context::default()) {
-                Ok(true) => None,
-                Ok(false) => Some(Node::Always(false)),
-                Err(_) => Some(node),
-            },
+            Node::Field(own, _) if paths.contains(&own.text()) => {
+                match node.matches((&empty).into(), &mut Context::default()) {
+                    Ok(true) => None,
+                    Ok(false) => Some(Node::Always(false)),
+                    Err(_) => Some(node),
+                }
+            }
             _ => Some(node),
         };
         let root = std::mem::replace(&mut self.root, Node::And(Vec::new()));
         self.root = Node::all(root.conjuncts().into_iter().filter_map(decided).collect());
-        self.prefilter = Prefilter::of(&self.root);
+        self.prefilter = OnceLock::new();
     }
 
     /// Returns the date, where the filter is only that the dates at a path are not at or before it.

@@ -411,7 +411,6 @@ impl Iterator for Scan<'_> {
 /// Computed documents decay.
 pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
     if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
-        filter.assume_missing(metadata::DECAY_PATH);
-        filter.assume_missing(metadata::TOKEN_PATH);
+        filter.assume_missing(&[metadata::DECAY_PATH, metadata::TOKEN_PATH]);
     }
 }
