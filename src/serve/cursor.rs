@@ -9,6 +9,7 @@ use bson::raw::cstr;
 use bson::{RawArrayBuf, RawDocumentBuf};
 
 use super::changes::Stream;
+use super::ended::Ended;
 use super::failure::{Failure, codes};
 use super::mailbox::{Letter, Mailbox};
 use super::origin::Origin;
@@ -120,9 +121,16 @@ pub(super) enum Owner {
     Stream(Arc<Mutex<Stream>>),
 }
 
-/// All open cursors.
+/// All cursors.
 #[derive(Default)]
-pub(super) struct Cursors(Mutex<HashMap<i64, Open>>);
+pub(super) struct Cursors(Mutex<All>);
+
+/// Those that are open, and those of transactions that have ended.
+#[derive(Default)]
+struct All {
+    open: HashMap<i64, Open>,
+    ended: Ended,
+}
 
 impl Cursors {
     /// Registers a cursor; gives its number.
@@ -130,7 +138,7 @@ impl Cursors {
     /// # Errors
     /// Where there are too many.
     pub(super) fn open(&self, cursor: Open) -> Result<i64, Failure> {
-        let mut cursors = self.lock();
+        let cursors = &mut self.lock().open;
         if cursors.len() >= MOST {
             let message = format!("{MOST} cursors are open; close some, or let them be read to their end");
             return Err(Failure::new(codes::FAILED, message));
@@ -146,30 +154,50 @@ impl Cursors {
     }
 
     pub(super) fn get(&self, id: i64) -> Option<Open> {
-        self.lock().get(&id).cloned()
+        self.lock().open.get(&id).cloned()
+    }
+
+    /// Why a cursor that is not open cannot be read in `here`.
+    pub(super) fn failure(&self, id: i64, here: &Origin) -> Failure {
+        self.lock().ended.failure(id, here)
     }
 
     pub(super) fn count(&self) -> usize {
-        self.lock().len()
+        self.lock().open.len()
     }
 
     /// Removes a cursor; its thread frees it.
     pub(super) fn kill(&self, id: i64) -> bool {
-        let removed = self.lock().remove(&id);
+        let (removed, has_ended) = {
+            let mut cursors = self.lock();
+            (cursors.open.remove(&id), cursors.ended.remove(|ended, _| ended == id))
+        };
         if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
             mailbox.send(Letter::Kill(id));
         }
-        removed.is_some()
+        removed.is_some() || has_ended
     }
 
     /// Forgets a cursor that its thread has let go of.
     pub(super) fn forget(&self, id: i64) {
-        self.lock().remove(&id);
+        self.lock().open.remove(&id);
     }
 
-    /// Kills the cursors that `is_meant` says.
-    pub(super) fn kill_all(&self, is_meant: impl Fn(&Open) -> bool) {
-        let meant: Vec<i64> = self.lock().iter().filter(|(_, open)| is_meant(open)).map(|(id, _)| *id).collect();
+    /// Closes a cursor with its transaction.
+    pub(super) fn end(&self, id: i64) {
+        let mut cursors = self.lock();
+        if let Some(open) = cursors.open.remove(&id) {
+            cursors.ended.add(id, open.origin);
+        }
+    }
+
+    /// Kills the cursors that were opened where `is_meant` says.
+    pub(super) fn kill_all(&self, is_meant: impl Fn(&Origin) -> bool) {
+        let meant: Vec<i64> = {
+            let mut cursors = self.lock();
+            cursors.ended.remove(|_, origin| is_meant(origin));
+            cursors.open.iter().filter(|(_, open)| is_meant(&open.origin)).map(|(id, _)| *id).collect()
+        };
         for id in meant {
             self.kill(id);
         }
@@ -177,14 +205,14 @@ impl Cursors {
 
     /// Closes the change streams that were not read since a time.
     pub(super) fn expire_streams(&self, is_old: impl Fn(Instant) -> bool) {
-        self.lock().retain(|_, open| match &open.owner {
+        self.lock().open.retain(|_, open| match &open.owner {
             // One that is being read is in use.
             Owner::Stream(stream) => stream.try_lock().is_ok_and(|stream| !is_old(stream.used)) || is_locked(stream),
             Owner::Thread(_) => true,
         });
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<i64, Open>> {
+    fn lock(&self) -> MutexGuard<'_, All> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -191,10 +191,11 @@ impl<'m> Host<'m> {
         old.into_iter().for_each(|id| self.close(id));
     }
 
-    /// Closes all cursors.
-    pub(super) fn close_all(&mut self) {
-        let all: Vec<i64> = self.cursors.keys().copied().collect();
-        all.into_iter().for_each(|id| self.close(id));
+    /// Closes all cursors: their transaction has ended.
+    pub(super) fn end_all(&mut self) {
+        for (id, _) in self.cursors.drain() {
+            self.server.cursors.end(id);
+        }
     }
 
     /// Reads cursors to their end, into temporary files where they are large; returns their numbers.

@@ -22,6 +22,7 @@ mod command;
 mod connection;
 mod cursor;
 mod desk;
+mod ended;
 mod failure;
 mod fields;
 mod host;

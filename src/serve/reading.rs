@@ -112,7 +112,7 @@ fn read(
         abort(server, once);
         is_current?;
     }
-    host.close_all();
+    host.end_all();
     Ok(())
 }
 

@@ -196,7 +196,7 @@ impl Open {
                 Some(job) => desk.waiting.push_back(job),
             }
         };
-        host.close_all();
+        host.end_all();
         end
     }
 

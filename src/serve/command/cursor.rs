@@ -9,7 +9,7 @@ use bson::{Bson, RawDocumentBuf, doc};
 use super::definition::{Command, raw};
 use crate::serve::call::Call;
 use crate::serve::changes::{Batch, Stream};
-use crate::serve::cursor::{Open, Owner, not_found};
+use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::host::Host;
 
@@ -30,8 +30,9 @@ fn more(host: &mut Host<'_>, call: &Call) -> Answer {
         }
     };
     let collection = fields.text("collection")?.ok_or_else(|| fields.missing("collection"))?;
-    let open = host.server.cursors.get(id).ok_or_else(|| not_found(id))?;
-    open.origin.check(id, &call.request.origin())?;
+    let (cursors, here) = (&host.server.cursors, call.request.origin());
+    let open = cursors.get(id).ok_or_else(|| cursors.failure(id, &here))?;
+    open.origin.check(id, &here)?;
     let ns = &open.namespace;
     if (ns.database.as_str(), ns.collection.as_str()) != (call.request.database.as_str(), collection) {
         let message = format!(

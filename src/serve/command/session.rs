@@ -33,7 +33,7 @@ fn refresh(_: &mut Client, _: &Server, request: &Request) -> Answer {
 
 fn end(host: &mut Host<'_>, call: &Call) -> Answer {
     let sessions = sessions(&call.request)?;
-    host.server.cursors.kill_all(|open| open.origin.session.as_ref().is_some_and(|session| sessions.contains(session)));
+    host.server.cursors.kill_all(|origin| origin.session.as_ref().is_some_and(|session| sessions.contains(session)));
     host.server.readings.end_all(|session| sessions.contains(session));
     host.server.writer.submit(Job::abandon(sessions))?;
     host::empty()
@@ -42,7 +42,7 @@ fn end(host: &mut Host<'_>, call: &Call) -> Answer {
 /// Ends the cursors of all sessions; whose transactions they are is not known here.
 fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.fields().documents(&call.request.name)?;
-    host.server.cursors.kill_all(|open| open.origin.session.is_some());
+    host.server.cursors.kill_all(|origin| origin.session.is_some());
     host.server.readings.end_all(|_| true);
     host.server.writer.submit(Job::Abandon(Abandoned::All))?;
     host::empty()

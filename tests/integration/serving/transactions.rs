@@ -16,6 +16,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_that_has_read_writes_if_nothing_was_written_since", upgraded),
     ("cursors_of_a_transaction_outlive_its_first_write", cursors),
     ("a_cursor_is_read_in_its_session_and_transaction_alone", strangers),
+    ("a_cursor_of_an_ended_transaction_says_whose_it_was", ended),
     ("a_snapshot_that_cannot_be_taken_is_not_tried_again", exhausted),
     ("a_computable_runs_in_a_transaction_that_has_read", computed),
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
@@ -253,6 +254,41 @@ fn strangers() -> Result<(), Failed> {
         refused(plain(&mut other, written)?, 50_768);
     }
     assert_eq!(count(&mut other)?, 9);
+    Ok(())
+}
+
+fn ended() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut other = Wire::connect(served.address())?;
+    for id in 1..=9 {
+        fine(plain(&mut other, insert(id))?);
+    }
+    for (is_writing, end) in [
+        (false, "commitTransaction"),
+        (false, "abortTransaction"),
+        (true, "commitTransaction"),
+        (true, "abortTransaction"),
+    ] {
+        let mut session = Session::open(&served)?;
+        let lsid = doc! { "id": session.id.clone() };
+        if is_writing {
+            let statement = doc! { "q": { "_id": 1 }, "u": { "$inc": { "n": 1 } } };
+            fine(session.run(1, true, doc! { "update": "c", "updates": [statement] })?);
+        }
+        let answer = session.run(1, !is_writing, doc! { "find": "c", "filter": {}, "batchSize": 2 })?;
+        let cursor = answer.get_document("cursor")?.get_i64("id")?;
+        fine(session.end(1, end)?);
+        let more = || doc! { "getMore": cursor, "collection": "c", "batchSize": 1 };
+        let mut with = |fields: Document| plain(&mut other, more().into_iter().chain(fields).collect());
+        refused(with(doc! {})?, 50_737);
+        refused(with(doc! { "lsid": &lsid })?, 50_740);
+        refused(with(doc! { "lsid": { "id": bson::Uuid::new() } })?, 50_738);
+        fine(session.run(2, true, all())?);
+        refused(session.run(2, false, more())?, 50_741);
+        fine(plain(&mut other, doc! { "endSessions": [lsid] })?);
+        refused(plain(&mut other, more())?, 43);
+    }
     Ok(())
 }
 
