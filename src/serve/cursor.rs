@@ -159,7 +159,7 @@ impl Cursors {
 
     /// Why a cursor that is not open cannot be read in `here`.
     pub(super) fn failure(&self, id: i64, here: &Origin) -> Failure {
-        self.lock().ended.failure(id, here)
+        self.lock().ended.failure(id, here).unwrap_or_else(|| not_found(id))
     }
 
     pub(super) fn count(&self) -> usize {

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use super::cursor::not_found;
 use super::failure::Failure;
 use super::origin::Origin;
 
@@ -28,10 +27,10 @@ impl Ended {
         self.0.len() < before
     }
 
-    /// Why a cursor that is not open cannot be read in `here`.
-    pub(super) fn failure(&self, cursor: i64, here: &Origin) -> Failure {
-        let origin = self.0.iter().find(|(ended, _)| *ended == cursor).map(|(_, origin)| origin);
-        origin.and_then(|origin| origin.check(cursor, here).err()).unwrap_or_else(|| not_found(cursor))
+    /// Why a cursor that is not open cannot be read in `here`, where that is by where it was opened.
+    pub(super) fn failure(&self, cursor: i64, here: &Origin) -> Option<Failure> {
+        let (_, origin) = self.0.iter().find(|(ended, _)| *ended == cursor)?;
+        origin.check(cursor, here).err()
     }
 }
 
@@ -40,18 +39,22 @@ mod tests {
     use super::*;
     use crate::serve::session::SessionId;
 
+    fn code(ended: &Ended, cursor: i64, here: &Origin) -> Option<i32> {
+        ended.failure(cursor, here).map(|failure| failure.code)
+    }
+
     #[test]
     fn a_cursor_of_an_ended_transaction_is_known_by_where_it_was_opened() {
         let session = Some(SessionId::random());
         let origin = |transaction| Origin { session: session.clone(), transaction };
         let mut ended = Ended::default();
         ended.add(7, origin(Some(1)));
-        assert_eq!(ended.failure(7, &Origin::default()).code, 50_737);
-        assert_eq!(ended.failure(7, &origin(None)).code, 50_740);
-        assert_eq!(ended.failure(7, &origin(Some(2))).code, 50_741);
-        assert_eq!(ended.failure(8, &origin(Some(2))), not_found(8));
+        assert_eq!(code(&ended, 7, &Origin::default()), Some(50_737));
+        assert_eq!(code(&ended, 7, &origin(None)), Some(50_740));
+        assert_eq!(code(&ended, 7, &origin(Some(2))), Some(50_741));
+        assert_eq!(code(&ended, 8, &origin(Some(2))), None);
         assert!(ended.remove(|cursor, _| cursor == 7) && !ended.remove(|cursor, _| cursor == 7));
-        assert_eq!(ended.failure(7, &Origin::default()), not_found(7));
+        assert_eq!(code(&ended, 7, &Origin::default()), None);
     }
 
     #[test]
@@ -59,7 +62,7 @@ mod tests {
         let mut ended = Ended::default();
         let origin = Origin { session: Some(SessionId::random()), transaction: Some(1) };
         (0..=MOST).zip(0..).for_each(|(_, cursor)| ended.add(cursor, origin.clone()));
-        assert_eq!(ended.failure(0, &Origin::default()), not_found(0));
-        assert_eq!(ended.failure(1, &Origin::default()).code, 50_737);
+        assert_eq!(code(&ended, 0, &Origin::default()), None);
+        assert_eq!(code(&ended, 1, &Origin::default()), Some(50_737));
     }
 }
