@@ -20,10 +20,8 @@ use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, metadata};
 
 /// Asks for all of them in the order in which they were added. Nearly every operation asks.
-static IN_ORDER: LazyLock<Find> = LazyLock::new(|| Find {
-    sort: doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 },
-    ..Find::default()
-});
+static IN_ORDER: LazyLock<Find> =
+    LazyLock::new(|| Find { sort: doc! { metadata::info_path(metadata::INSERTED): 1, "_id": 1 }, ..Find::default() });
 
 /// How long those of a server are believed to be as they were.
 const MOST_AGE: Duration = Duration::from_secs(1);

@@ -49,6 +49,9 @@ pub struct Timing {
     pub writes: Vec<Vec<Touch>>,
     /// From when to when an operator may start, where it may not at any time; windows in order.
     pub windows: HashMap<OperatorId, Vec<(u64, u64)>>,
+    /// Whether each operator has to be kept from running twice at once, as nothing that it changes does so; none of those
+    /// that are not listed.
+    pub alone: Vec<bool>,
     /// How many resources there are.
     pub resources: usize,
     /// How much time a unit of the operators' costs stands for.
@@ -62,12 +65,15 @@ pub struct Timing {
 struct Times {
     read: Vec<u64>,
     written: Vec<u64>,
+    /// From when the operators that are kept from running twice at once may start again, of those that ran. There are few
+    /// on the way to a state, and many in a task.
+    again: Vec<(OperatorId, u64)>,
     end: u64,
 }
 
 impl Timing {
     fn begin(&self) -> Times {
-        Times { read: vec![0; self.resources], written: vec![0; self.resources], end: 0 }
+        Times { read: vec![0; self.resources], written: vec![0; self.resources], again: Vec::new(), end: 0 }
     }
 
     /// Adds an operator as early as it may start; returns when that is, or `None` where it is too late for it.
@@ -78,7 +84,8 @@ impl Timing {
         let touched = |touch: &Touch| written(touch).max(times.read[touch.resource as usize]);
         let reads = self.reads[number].iter().map(|touch| written(touch).saturating_sub(touch.from));
         let writes = self.writes[number].iter().map(|touch| touched(touch).saturating_sub(touch.from));
-        let earliest = reads.chain(writes).max().unwrap_or(0);
+        let again = times.again.iter().filter(|(other, _)| *other == operator).map(|(_, from)| *from);
+        let earliest = reads.chain(writes).chain(again).max().unwrap_or(0);
         let start = match self.windows.get(&operator) {
             None => earliest,
             Some(windows) => windows.iter().find(|(_, to)| earliest <= *to)?.0.max(earliest),
@@ -89,6 +96,10 @@ impl Timing {
         }
         for touch in &self.writes[number] {
             times.written[touch.resource as usize] = start + touch.to + self.gap;
+        }
+        if self.alone.get(number).is_some_and(|is_alone| *is_alone) {
+            times.again.retain(|(other, _)| *other != operator);
+            times.again.push((operator, start + self.durations[number] + self.gap));
         }
         // What takes no time happens all the same: at the end, it was.
         let end = start + self.durations[number].max(1);
@@ -321,6 +332,21 @@ mod tests {
     fn what_shares_a_resource_comes_one_after_the_other() {
         let (_, timing) = carriers();
         assert_eq!(timing.schedule(&[0, 1, 6]), Some((vec![0, 11, 0], 21)));
+    }
+
+    #[test]
+    fn operators_that_change_one_thing_at_their_ends_overlap_and_one_does_not_with_itself() {
+        let timing = Timing {
+            durations: vec![2, 2],
+            reads: vec![Vec::new(); 2],
+            writes: vec![vec![touch(0, 2, 2)]; 2],
+            alone: vec![true; 2],
+            resources: 1,
+            gap: 1,
+            ..Timing::default()
+        };
+        assert_eq!(timing.schedule(&[0, 1]), Some((vec![0, 1], 3)));
+        assert_eq!(timing.schedule(&[0, 0, 1]), Some((vec![0, 3, 4], 6)));
     }
 
     #[test]

@@ -277,16 +277,13 @@ impl<'a> Clock<'a> {
     }
 }
 
-/// Keeps each operator from running twice at once: it touches for all of its time one thing that it changes, of which
-/// the fewest operators change it.
+/// Says which operators the schedule has to keep from running twice at once: those that change nothing for all of their
+/// time.
 fn part(timing: &mut Timing) {
-    let mut counts = vec![0_u32; timing.resources];
-    timing.writes.iter().flatten().for_each(|touch| counts[touch.resource as usize] += 1);
-    for (number, writes) in timing.writes.iter_mut().enumerate() {
-        let duration = timing.durations[number];
-        let rarest = writes.iter_mut().min_by_key(|touch| (counts[touch.resource as usize], touch.resource));
-        rarest.into_iter().for_each(|touch| (touch.from, touch.to) = (0, duration));
-    }
+    let is_alone = |(writes, to): (&Vec<makespan::Touch>, &u64)| {
+        !writes.is_empty() && !writes.iter().any(|touch| touch.from == 0 && touch.to == *to)
+    };
+    timing.alone = timing.writes.iter().zip(&timing.durations).map(is_alone).collect();
 }
 
 impl<'a> Touched<'a> {

@@ -312,6 +312,19 @@ mod tests {
         assert_eq!(rovers(20.0, "(:metric minimize (used))").len(), 0);
     }
 
+    #[test]
+    fn actions_that_change_one_value_at_their_ends_overlap() {
+        let domain =
+            "(define (domain fill) (:requirements :strips :typing :durative-actions :numeric-fluents) (:types pump)
+            (:predicates (dry ?p - pump)) (:functions (litres))
+            (:durative-action fill :parameters (?p - pump) :duration (= ?duration 2) :condition (at start (dry ?p))
+              :effect (at end (increase (litres) 1))))";
+        let problem =
+            "(define (problem two) (:domain fill) (:objects p q - pump) (:init (dry p) (dry q) (= (litres) 0))
+            (:goal (>= (litres) 2)))";
+        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(2.001));
+    }
+
     /// A tank of which two may draw a litre each, with what holds of it meanwhile, and what they do to it.
     fn tank(litres: u8, condition: &str, effects: &str) -> Option<f64> {
         let domain = format!(
