@@ -18,4 +18,4 @@ mod status;
 pub use error::BackendError;
 pub use process::{Down, Running, down, up};
 pub use set::{Settled, settle};
-pub use status::{Row, status};
+pub use status::{Row, Status, status};

@@ -42,16 +42,28 @@ impl Row {
     }
 }
 
-/// The members of a backend's set: those that the settings have, then those that only the set has.
-///
-/// # Errors
-/// Where something else has this robot's port.
-pub fn status(backend: &Backend) -> Result<Vec<Row>, BackendError> {
+/// The members of a backend's set.
+#[derive(Debug)]
+pub struct Status {
+    /// Those that the settings have, then those that only the set has.
+    pub rows: Vec<Row>,
+    /// Why this robot's own member cannot be asked: it does not answer, or something else has its port.
+    pub problem: Option<BackendError>,
+}
+
+/// Asks the members of a backend's set.
+#[must_use]
+pub fn status(backend: &Backend) -> Status {
     let data = std::fs::canonicalize(&backend.path).unwrap_or_else(|_| backend.path.clone());
-    let running = process::look(backend, &data)?;
+    let (running, problem) = match process::look(backend, &data) {
+        Ok(running) => (running, None),
+        Err(error) => (None, Some(error)),
+    };
     let address = backend.address();
     let own = running.iter().map(|_| address.as_str());
-    let mut answers = ask(own.chain(backend.members.iter().map(String::as_str)));
+    let unasked = problem.as_ref().and_then(|_| own_name(backend));
+    let members = backend.members.iter().map(String::as_str).filter(|name| unasked.as_deref() != Some(*name));
+    let mut answers = ask(own.chain(members));
     let states = answers.iter().find_map(|(host, answer)| Some((host.clone(), answer.members.clone()?)));
     let (asked, states) = states.map_or((None, Vec::new()), |(host, states)| (Some(host), states));
     let own = match states.iter().find(|state| state.is_asked && asked.as_ref() == Some(&address)) {
@@ -75,7 +87,7 @@ pub fn status(backend: &Backend) -> Result<Vec<Row>, BackendError> {
         row.pid = running.filter(|_| is_own).and_then(|running| running.pid);
         row
     };
-    Ok(names.iter().map(row).collect())
+    Status { rows: names.iter().map(row).collect(), problem }
 }
 
 /// The answer of a member.

@@ -113,7 +113,12 @@ impl Robots {
         if output.status.code() != Some(code) {
             return Err(format!("robot {robot}: {arguments:?} should have ended with {code}: {output:?}").into());
         }
-        let lines = String::from_utf8(output.stdout)?;
+        self.rows(&output)
+    }
+
+    /// What a command printed, line by line.
+    fn rows(&self, output: &Output) -> Result<Vec<Value>, Failed> {
+        let lines = std::str::from_utf8(&output.stdout)?;
         lines.lines().map(|line| Ok(serde_json::from_str(line)?)).collect()
     }
 
@@ -388,6 +393,17 @@ fn survive(mongod: &Path) -> Result<(), Failed> {
     assert_eq!(states(&robots.ends(other, &["backend", "status"], 1)?), ["DOWN", "PRIMARY", "SECONDARY"]);
     robots.ends(killed, &["backend", "up", "--wait", "1m"], 0)?;
     robots.until(other, healthy)?;
+
+    // One that is suspended does not hide the others.
+    let pid = robots.pid(other, "shared")?;
+    let signal = |name: &str| Command::new("kill").args([name, &pid]).status();
+    signal("-STOP")?;
+    let status = robots.run(other, &["backend", "status"])?;
+    signal("-CONT")?;
+    let rows = robots.rows(&status)?;
+    let down = states(&rows).iter().filter(|state| **state == "DOWN").count();
+    assert!(status.status.code() == Some(4) && states(&rows).len() == 3 && down == 1, "{status:?}");
+    robots.until(other, healthy)?;
     for member in 0..3 {
         let since = Instant::now();
         while robots.ids(member)? != written && since.elapsed() < Duration::from_secs(30) {}
@@ -511,6 +527,7 @@ fn suspended(mongod: &Path) -> Result<(), Failed> {
     let said: Vec<Output> = asked.iter().map(|args| robots.run(0, args)).collect::<Result<_, _>>()?;
     let status = robots.run(0, &["backend", "status"])?;
     signal("-CONT")?;
+    assert_eq!(robots.rows(&status)?[0]["state"], "DOWN");
     let address = format!("cannot reach mongodb://127.0.0.1:{}: no server answers", robots.ports[0].0);
     let suspended = format!("its mongod, process {pid}, listens on port {} and does not answer", robots.ports[0].0);
     let wanted = said.iter().map(|output| (output, &address)).chain([(&status, &suspended)]);

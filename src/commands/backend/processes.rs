@@ -79,9 +79,13 @@ pub(super) fn status(context: &mut Context<'_>) -> Result<Exit> {
         let asked: Vec<_> = backends.iter().map(|backend| scope.spawn(|| backend::status(backend))).collect();
         asked.into_iter().filter_map(|asked| asked.join().ok()).collect()
     });
-    let rows = asked.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
+    let (rows, problems): (Vec<_>, Vec<_>) = asked.into_iter().map(|status| (status.rows, status.problem)).unzip();
+    let rows = rows.concat();
     let up = rows.iter().all(Row::is_up);
     context.print_rows(rows.into_iter().map(|row| Ok(member(row))))?;
+    if let Some(problem) = problems.into_iter().flatten().next() {
+        return Err(problem.into());
+    }
     Ok(if up { Exit::Done } else { Exit::No })
 }
 
