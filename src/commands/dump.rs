@@ -67,8 +67,10 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
     // What was there at another time is not known.
     if !args.all && args.past.at.is_none() {
-        let absent = namespaces.iter().filter(|namespace| missing::warn(namespace, &memory, context)).count();
-        if absent == namespaces.len() {
+        let messages = namespaces.iter().map(|namespace| missing::look(namespace, &memory, context));
+        let absent: Vec<String> = messages.filter_map(Result::transpose).collect::<Result<_, _>>()?;
+        absent.iter().for_each(|message| context.output.warn(message));
+        if absent.len() == namespaces.len() {
             context.output.error("nothing was written: no such collection");
             return Ok(Exit::No);
         }

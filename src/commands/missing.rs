@@ -1,14 +1,15 @@
 //! The message about a collection that does not exist.
 
 use super::{Context, WrongInput};
+use crate::error::Result;
 use crate::formats::{mongosh, nearest};
 use crate::memory::Memory;
-use crate::store::Namespace;
+use crate::store::{Namespace, StoreError};
 
 /// Refuses a collection that does not exist, for `--strict`.
-pub(super) fn refuse(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Result<(), WrongInput> {
-    match message(namespace, memory, context) {
-        Some(message) => Err(WrongInput::new(message)),
+pub(super) fn refuse(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Result<()> {
+    match look(namespace, memory, context)? {
+        Some(message) => Err(WrongInput::new(message).into()),
         None => Ok(()),
     }
 }
@@ -28,19 +29,32 @@ pub(super) fn warn_of_nearest(namespace: &Namespace, memory: &Memory, context: &
 }
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
+///
+/// None where the store fails: a hint is not worth an error.
 pub(super) fn message(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Option<String> {
-    // A hint is not worth an error.
-    if memory.computables().ok()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
-        return None;
+    look(namespace, memory, context).ok().flatten()
+}
+
+/// The same message.
+///
+/// # Errors
+/// Where the store fails.
+pub(super) fn look(
+    namespace: &Namespace,
+    memory: &Memory,
+    context: &Context<'_>,
+) -> Result<Option<String>, StoreError> {
+    if memory.computables()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
+        return Ok(None);
     }
-    let names = memory.collections_beside(namespace).ok()?;
+    let names = memory.collections_beside(namespace)?;
     let names: Vec<String> = names.iter().map(ToString::to_string).collect();
     let name = namespace.to_string();
     if names.contains(&name) {
-        return None;
+        return Ok(None);
     }
     if let Some(command) = mongosh::command(&name, &context.settings.collection.value.database) {
-        return Some(format!("no collection {name}; write: {command}"));
+        return Ok(Some(format!("no collection {name}; write: {command}")));
     }
     let known = || names.iter().map(String::as_str);
     let elsewhere = || known().find(|known| known.ends_with(&format!(".{}", namespace.collection)));
@@ -49,5 +63,5 @@ pub(super) fn message(namespace: &Namespace, memory: &Memory, context: &Context<
         None if names.is_empty() => "the memory is empty".to_owned(),
         None => "`rmem collections` lists those there are".to_owned(),
     };
-    Some(format!("no collection {name}; {hint}"))
+    Ok(Some(format!("no collection {name}; {hint}")))
 }

@@ -238,8 +238,7 @@ fn a_store_that_cannot_be_read_is_4_wherever_it_is_read() {
     [exit code: 4]
     $ rmem dump a.b -o folder
     ------- stderr -------
-    error: cannot read a.b
-      caused by: file:text.rmem: it is not an rmem memory; name another file
+    error: file:text.rmem: it is not an rmem memory; name another file
     [exit code: 4]
     $ rmem diff file:text.rmem mem:
     ------- stderr -------
