@@ -20,6 +20,9 @@ const SHORTEST: Duration = Duration::from_millis(5);
 /// … and at most.
 const LONGEST: Duration = Duration::from_millis(250);
 
+/// How much later than now a lock may have been taken without a note, in milliseconds: the clocks of machines differ.
+const CLOCK_DIFFERENCE: i64 = 5_000;
+
 /// A mutex, and the owner that asks for it.
 #[derive(Debug, Clone)]
 pub struct Mutex {
@@ -188,6 +191,8 @@ impl std::fmt::Display for Holder {
             write!(f, " since {}", text(since))?;
             if boot_time().is_some_and(|boot| since < boot) {
                 write!(f, " (before this machine was started, or its clock was set)")?;
+            } else if since.timestamp_millis() > DateTime::now().timestamp_millis().saturating_add(CLOCK_DIFFERENCE) {
+                write!(f, " (in the future: this clock was set back, or another machine's is ahead)")?;
             }
         }
         match self.until {

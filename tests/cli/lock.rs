@@ -178,6 +178,18 @@ fn a_lock_of_a_robot_that_is_gone_is_taken_by_force() {
 }
 
 #[test]
+fn a_lock_that_was_taken_in_the_future_is_told() {
+    let lab = Lab::new();
+    let taken = r#"{_id: "table", locked: true, "locked-by": "r1", "lock-time": ISODate("2150-01-01T00:00:00Z")}"#;
+    lab.rmem(&["insert", "robmem.mutexes", taken]).success();
+    assert_run!(lock(&lab, "r2", &[]), @r"
+    ------- stderr -------
+    error: table is held by r1 since [TIME] (in the future: this clock was set back, or another machine's is ahead), with no end
+    [exit code: 5]
+    ");
+}
+
+#[test]
 fn expired_locks_are_released_and_the_others_stay() {
     let lab = Lab::new();
     lab.rmem(&["lock", "door", "--owner", "r1", "--ttl", "1ms"]).success();
