@@ -60,15 +60,31 @@ impl<'a> Elements<'a> {
     pub(super) fn find(mut self, name: &[u8]) -> Option<Element<'a>> {
         loop {
             let (type_code, rest) = self.rest.split_first()?;
-            if let Some([0, value @ ..]) = rest.strip_prefix(name)
-                && !name.contains(&0)
-            {
+            // Few names end where this one does: the others are not compared.
+            if rest.get(name.len()) == Some(&0) && rest.starts_with(name) && !name.contains(&0) {
+                let value = rest.get(name.len() + 1..)?;
                 let value = value.get(..length(*type_code, value)?)?;
                 return Some(Element { type_code: *type_code, name: rest.get(..name.len())?, value });
             }
             let (_, value) = text_and_rest(rest)?;
             self.rest = value.get(length(*type_code, value)?..)?;
         }
+    }
+
+    /// Returns the first elements of two names.
+    pub(super) fn find_both(self, names: [&[u8]; 2]) -> [Option<Element<'a>>; 2] {
+        let mut found = [None; 2];
+        for element in self {
+            for (name, found) in names.iter().zip(&mut found) {
+                if found.is_none() && element.name == *name {
+                    *found = Some(element);
+                }
+            }
+            if found.iter().all(Option::is_some) {
+                break;
+            }
+        }
+        found
     }
 }
 

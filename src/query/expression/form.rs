@@ -5,11 +5,11 @@ use std::cmp::Ordering;
 use bson::{Bson, Document};
 
 use super::operator::{is_nullish, is_true, type_name};
+use super::pair::order;
 use super::parse::Reader;
 use super::scope::{Environment, check_name};
 use super::tree::{Expression, constant};
 use super::value::Value;
-use crate::query::compare::optional;
 use crate::query::error::{QueryError, Result};
 use crate::query::javascript::Program;
 use crate::query::limit::Held;
@@ -123,9 +123,8 @@ impl Form {
                 }
                 Ok(false)
             }
-            Self::Compare(comparison, [a, b]) if *comparison != Comparison::Compare => {
-                let order = a.show(environment, |a| b.show(environment, |b| optional(a, b)))??;
-                Ok(comparison.holds(order))
+            Self::Compare(comparison, pair) if *comparison != Comparison::Compare => {
+                Ok(comparison.holds(order(pair, environment)?))
             }
             _ => Ok(is_true(&self.evaluate(environment)?)),
         }
@@ -134,10 +133,7 @@ impl Form {
     pub(super) fn evaluate(&self, environment: &Environment<'_>) -> Result<Value> {
         match self {
             Self::And(_) | Self::Or(_) => Ok(Some(Bson::Boolean(self.truth(environment)?))),
-            Self::Compare(Comparison::Compare, [a, b]) => {
-                let order = a.show(environment, |a| b.show(environment, |b| optional(a, b)))??;
-                Ok(Some(Bson::Int32(order as i32)))
-            }
+            Self::Compare(Comparison::Compare, pair) => Ok(Some(Bson::Int32(order(pair, environment)? as i32))),
             Self::Compare(..) => Ok(Some(Bson::Boolean(self.truth(environment)?))),
             Self::Cond([condition, then, otherwise]) => {
                 if condition.truth(environment)? {

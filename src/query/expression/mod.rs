@@ -15,6 +15,7 @@ mod date;
 mod form;
 mod object;
 mod operator;
+mod pair;
 mod parse;
 mod pattern;
 mod register;
