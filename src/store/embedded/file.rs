@@ -24,6 +24,7 @@ use std::sync::atomic::AtomicBool;
 use rusqlite::{Connection, OpenFlags};
 
 use super::indexed::Remembered;
+use super::known::Known;
 use super::place::Place;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
@@ -169,6 +170,7 @@ impl Embedded {
             connection,
             place,
             indexes: Remembered::default(),
+            known: Known::default(),
             log: Log::default(),
             is_brief,
             is_reading: Cell::default(),

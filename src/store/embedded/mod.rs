@@ -23,6 +23,7 @@ mod file;
 mod history;
 mod index;
 mod indexed;
+mod known;
 mod log;
 mod near;
 mod notifier;
@@ -50,6 +51,7 @@ use std::sync::atomic::AtomicBool;
 use rusqlite::Connection;
 
 use indexed::Remembered;
+use known::Known;
 use place::Place;
 use transaction::Log;
 
@@ -67,6 +69,7 @@ pub struct Embedded {
     connection: Connection,
     place: Place,
     indexes: Remembered,
+    known: Known,
     log: Log,
     /// Whether a write waits only briefly for other writers.
     is_brief: Arc<AtomicBool>,

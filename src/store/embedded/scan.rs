@@ -73,8 +73,8 @@ enum Rest {
     Between(i64, i64),
     /// The documents at these positions.
     At(VecDeque<i64>),
-    /// The documents that an index lists, in its order, up to a position.
-    Listed(Listing, i64),
+    /// The documents that an index lists, in its order.
+    Listed(Listing),
     Nothing,
 }
 
@@ -146,7 +146,8 @@ impl<'a> Scan<'a> {
             _ if filter.matches_none() => Rest::Nothing,
             Way::Walk => Rest::Between(i64::MIN, last(store)?),
             Way::Positions(positions) => Rest::At(positions),
-            Way::Listed(listing) => Rest::Listed(listing, last(store)?),
+            // What it lists is read at one moment.
+            Way::Listed(listing) => Rest::Listed(listing),
         };
         let examined = Examined { keys: Cell::new(chosen.keys), documents: Cell::default() };
         Ok(Self {
@@ -154,7 +155,7 @@ impl<'a> Scan<'a> {
             collection,
             filter: Rc::clone(filter),
             // The rest of an index is listed with the first page, so that page is large.
-            page_documents: if matches!(rest, Rest::Listed(..)) { PAGE_DOCUMENTS } else { 1 },
+            page_documents: if matches!(rest, Rest::Listed(_)) { PAGE_DOCUMENTS } else { 1 },
             rest,
             page: VecDeque::new(),
             most: usize::MAX,
@@ -176,7 +177,7 @@ impl<'a> Scan<'a> {
         match &mut self.rest {
             Rest::Between(behind, _) => *behind = first - 1,
             Rest::At(rest) => positions.into_iter().rev().for_each(|position| rest.push_front(position)),
-            rest @ (Rest::Nothing | Rest::Listed(..)) => *rest = Rest::At(positions.into()),
+            rest @ (Rest::Nothing | Rest::Listed(_)) => *rest = Rest::At(positions.into()),
         }
     }
 
@@ -226,11 +227,11 @@ impl<'a> Scan<'a> {
 
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
     fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> More) -> Result<(), StoreError> {
-        let was_listed = matches!(self.rest, Rest::Listed(..));
+        let was_listed = matches!(self.rest, Rest::Listed(_));
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
             Rest::At(positions) => self.read_at(positions, take),
-            Rest::Listed(listing, last) => self.read_listed(listing, last, take),
+            Rest::Listed(listing) => self.read_listed(listing, take),
             Rest::Nothing => Ok(Rest::Nothing),
         };
         self.rest = match read {
@@ -312,7 +313,6 @@ impl<'a> Scan<'a> {
     fn read_listed(
         &self,
         mut listing: Listing,
-        last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
         let _snapshot = Snapshot::begin(&self.store.connection)?;
@@ -321,7 +321,7 @@ impl<'a> Scan<'a> {
         let mut taken = 0;
         while let Some(range) = listing.ranges.front() {
             let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
-            let mut rows = statement.query(params![from, i64::MIN, to, last])?;
+            let mut rows = statement.query(params![from, i64::MIN, to])?;
             while let Some(row) = rows.next()? {
                 Examined::add(&self.examined.keys, 1);
                 Examined::add(&self.examined.documents, 1);
@@ -334,11 +334,7 @@ impl<'a> Scan<'a> {
                 if !take(position, body) {
                     let key: Vec<u8> = row.get(0)?;
                     drop(rows);
-                    return if taken >= self.most {
-                        Ok(Rest::Nothing)
-                    } else {
-                        self.list(listing, (key, position), last)
-                    };
+                    return if taken >= self.most { Ok(Rest::Nothing) } else { self.list(listing, (key, position)) };
                 }
             }
             drop(rows);
@@ -348,13 +344,13 @@ impl<'a> Scan<'a> {
     }
 
     /// Where the documents are that the index lists behind a key and a position.
-    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64), last: i64) -> Result<Rest, PageError> {
+    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
         let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
         let (mut behind, mut positions) = (Some(behind), VecDeque::new());
         while let Some(range) = listing.ranges.pop_front() {
             let (from, to) = if listing.backwards { (range.high, range.low) } else { (range.low, range.high) };
             let (key, position) = behind.take().unwrap_or((from, i64::MIN));
-            let mut rows = statement.query(params![key, position, to, last])?;
+            let mut rows = statement.query(params![key, position, to])?;
             while let Some(row) = rows.next()? {
                 positions.push_back(row.get(0)?);
             }
@@ -383,7 +379,7 @@ impl Listing {
         let (behind, before, order) = if self.backwards { ("<", ">=", "DESC") } else { (">", "<", "ASC") };
         format!(
             "WHERE ({index}.key, {index}.position) {behind} (?1, ?2) AND {index}.key {before} ?3 \
-             AND {index}.position <= ?4 ORDER BY {index}.key {order}, {index}.position {order}"
+             ORDER BY {index}.key {order}, {index}.position {order}"
         )
     }
 }

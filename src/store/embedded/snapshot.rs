@@ -2,23 +2,42 @@
 
 use rusqlite::{Connection, Result};
 
+use super::known::Known;
+
 /// While it exists, writes of other processes are not seen.
-pub(super) struct Snapshot<'a>(Option<&'a Connection>);
+pub(super) struct Snapshot<'a> {
+    /// None where a transaction was open already.
+    connection: Option<&'a Connection>,
+    known: Option<&'a Known>,
+}
 
 impl<'a> Snapshot<'a> {
     /// Begins a read transaction, unless a transaction is open.
     pub(super) fn begin(connection: &'a Connection) -> Result<Self> {
         if !connection.is_autocommit() {
-            return Ok(Self(None));
+            return Ok(Self { connection: None, known: None });
         }
         connection.prepare_cached("BEGIN")?.execute([])?;
-        Ok(Self(Some(connection)))
+        Ok(Self { connection: Some(connection), known: None })
+    }
+
+    /// The same, in which collections are looked up that earlier ones may know.
+    pub(super) fn knowing(connection: &'a Connection, known: &'a Known) -> Result<Self> {
+        let mut snapshot = Self::begin(connection)?;
+        if snapshot.connection.is_some() {
+            known.open(connection)?;
+            snapshot.known = Some(known);
+        }
+        Ok(snapshot)
     }
 }
 
 impl Drop for Snapshot<'_> {
     fn drop(&mut self) {
-        if let Some(connection) = self.0 {
+        if let Some(known) = self.known {
+            known.close();
+        }
+        if let Some(connection) = self.connection {
             // A failed end of a read transaction loses nothing.
             let _ = connection.prepare_cached("COMMIT").and_then(|mut end| end.execute([]));
         }

@@ -9,7 +9,7 @@ use bson::{DateTime, Document, RawDocumentBuf};
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::snapshot::Snapshot;
-use super::{Embedded, busy, failure, file};
+use super::{Embedded, busy, failure, file, known};
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::store::{
@@ -247,12 +247,12 @@ pub(super) fn collated(mut documents: Documents<'_>, collation: Option<Collation
 impl Embedded {
     /// A moment at which several things are read.
     fn moment(&self) -> Result<Snapshot<'_>, StoreError> {
-        Snapshot::begin(&self.connection).map_err(|e| self.explain(&e))
+        Snapshot::knowing(&self.connection, &self.known).map_err(|e| self.explain(&e))
     }
 
     /// A number that changes with what others write.
     fn version(&self) -> rusqlite::Result<i64> {
-        self.connection.prepare_cached("PRAGMA data_version")?.query_row([], |row| row.get(0))
+        known::version(&self.connection)
     }
 
     fn find_at(&self, moment: Snapshot<'_>, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -265,6 +265,7 @@ impl Embedded {
         if self.is_reading.get() {
             return Err(QueryError::invalid(WRITE_CONFLICT, "what is read at one moment cannot be written to").into());
         }
+        self.known.forget();
         if !self.connection.is_autocommit() {
             return self.step(work);
         }
@@ -292,6 +293,7 @@ impl Embedded {
         if !self.connection.is_autocommit() {
             return Ok(None);
         }
+        self.known.forget();
         file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
         self.is_brief.store(true, Ordering::Relaxed);
         let begun = self.run("BEGIN IMMEDIATE");
@@ -342,7 +344,7 @@ impl Embedded {
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
-        Collection::find(&self.connection, ns).map_err(|e| self.explain(&e))
+        self.known.find(&self.connection, ns).map_err(|e| self.explain(&e))
     }
 
     pub(super) fn explain(&self, error: &rusqlite::Error) -> StoreError {
