@@ -25,6 +25,7 @@ use rusqlite::{Connection, OpenFlags};
 
 use super::indexed::Remembered;
 use super::known::Known;
+use super::log_size::LogSize;
 use super::place::Place;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
@@ -176,6 +177,7 @@ impl Embedded {
             is_reading: Cell::default(),
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),
+            log_size: LogSize::default(),
         })
     }
 }

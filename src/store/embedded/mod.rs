@@ -25,6 +25,7 @@ mod index;
 mod indexed;
 mod known;
 mod log;
+mod log_size;
 mod near;
 mod notifier;
 mod output;
@@ -52,6 +53,7 @@ use rusqlite::Connection;
 
 use indexed::Remembered;
 use known::Known;
+use log_size::LogSize;
 use place::Place;
 use transaction::Log;
 
@@ -79,4 +81,5 @@ pub struct Embedded {
     is_deleting: Cell<bool>,
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.
     is_crowded: Cell<bool>,
+    log_size: LogSize,
 }

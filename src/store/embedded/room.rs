@@ -13,6 +13,8 @@ use crate::store::StoreError;
 
 /// With less than this many bytes, the disk is nearly full: twice the size at which the log is folded into the file anyway.
 const LITTLE: u64 = 8 << 20;
+/// With this many bytes, the log may be longer than what is in it.
+const AMPLE: u64 = 256 << 20;
 /// What is left for deleting, in bytes; on a small disk an eighth of it.
 const RESERVE: u64 = 1 << 20;
 
@@ -63,8 +65,10 @@ impl Embedded {
 
     /// Refuses a write that would leave less than the reserve, unless it deletes. Before its commit.
     pub(super) fn keep_room(&self) -> Result<(), StoreError> {
-        let little = room_of(&self.place).filter(|(room, _)| *room < LITTLE);
+        let room = room_of(&self.place);
+        let little = room.filter(|(room, _)| *room < LITTLE);
         self.is_crowded.set(little.is_some());
+        self.log_size.allow(room.is_some_and(|(room, _)| room >= AMPLE));
         let Some((room, size)) = little.filter(|_| !self.is_deleting()) else { return Ok(()) };
         let length = |path: Option<PathBuf>| path.and_then(|path| path.metadata().ok()).map_or(0, |file| file.len());
         let grown = self.bytes("PRAGMA page_count").saturating_sub(length(self.place.file()));

@@ -308,12 +308,15 @@ impl Embedded {
     }
 
     fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+        let log = self.place.log();
+        log.iter().for_each(|log| self.log_size.extend(log));
         let result = self.open_log().and_then(|()| work()).and_then(|value| {
             self.bound_log()?;
             self.keep_room()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
         if result.is_ok() {
+            log.iter().for_each(|log| self.log_size.measure(log));
             self.publish_log();
         } else if !self.connection.is_autocommit() {
             // A failing rollback leaves nothing to do: closing rolls back too.
