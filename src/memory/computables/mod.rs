@@ -27,6 +27,7 @@ mod adding;
 mod answer;
 mod binding;
 mod body;
+mod bounds;
 mod builtin;
 mod cache;
 mod check;

@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
-use bson::{Bson, Document};
+use bson::{Bson, Document, doc};
 
 use super::body::Body;
+use super::bounds::Bounds;
 use super::definition::{Definition, Origin};
 use super::spec::{Slot, Spec};
 use crate::formats::shell;
@@ -54,8 +55,25 @@ pub(super) struct Wrong {
 #[derive(Default)]
 struct Places {
     texts: HashMap<String, HashMap<String, Vec<usize>>>,
-    keys: HashMap<String, Vec<usize>>,
-    rest: Vec<usize>,
+    keys: HashMap<String, Vec<(Bounds, usize)>>,
+    rest: Vec<Rest>,
+}
+
+/// Specs about the same keys, which need none of them.
+struct Rest {
+    /// Where a query has none of these, it is known whether it matches.
+    keys: Option<Vec<String>>,
+    /// Those that match queries without these keys.
+    matching: Vec<usize>,
+    all: Vec<usize>,
+}
+
+/// A computable that a query may need, by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Candidate {
+    index: usize,
+    /// Whether its spec is known to match.
+    is_certain: bool,
 }
 
 impl Registry {
@@ -139,7 +157,7 @@ impl Registry {
     fn indexed(mut self) -> Self {
         for (index, computable) in self.computables.iter().enumerate() {
             let places = self.places.entry(computable.definition.namespace.clone()).or_default();
-            computable.spec.slots().into_iter().for_each(|slot| places.add(slot, index));
+            computable.spec.slots().into_iter().for_each(|slot| places.add(slot, &computable.spec, index));
         }
         self
     }
@@ -162,6 +180,13 @@ impl Registry {
         self.computables.iter()
     }
 
+    /// Whether a query may need one that has a document under a key: what the document has is not looked at.
+    pub(super) fn may_match(&self, ns: &Namespace, key: &str) -> bool {
+        let is_wrong = self.wrong.iter().any(|wrong| wrong.collections.contains(&ns.to_string()));
+        let places = self.places.get(ns);
+        is_wrong || places.is_some_and(|places| !places.candidates(&doc! { key: {} }).is_empty())
+    }
+
     /// Those that a query needs, in the order in which they run.
     ///
     /// # Errors
@@ -175,12 +200,11 @@ impl Registry {
             }
         }
         let Some(places) = self.places.get(ns) else { return Ok(Vec::new()) };
-        let mut found = places.candidates(query);
-        found.sort_unstable();
-        found.dedup();
         let mut matching = Vec::new();
-        for computable in found.into_iter().filter_map(|index| self.computables.get(index)) {
-            if computable.spec.matches(query).map_err(|error| failed(&computable.definition.name, error))? {
+        for Candidate { index, is_certain } in places.candidates(query) {
+            let Some(computable) = self.computables.get(index) else { continue };
+            let matches = || computable.spec.matches(query).map_err(|error| failed(&computable.definition.name, error));
+            if is_certain || matches()? {
                 if let Some(message) = self.taken.get(&computable.definition.name) {
                     return Err(QueryError::bad_value(message.as_str()).into());
                 }
@@ -192,25 +216,50 @@ impl Registry {
 }
 
 impl Places {
-    fn add(&mut self, slot: Slot, index: usize) {
+    fn add(&mut self, slot: Slot, spec: &Spec, index: usize) {
         match slot {
             Slot::Text(key, text) => self.texts.entry(key).or_default().entry(text).or_default().push(index),
-            Slot::Key(key) => self.keys.entry(key).or_default().push(index),
-            Slot::Any => self.rest.push(index),
+            Slot::Key(key, bounds) => self.keys.entry(key).or_default().push((bounds, index)),
+            Slot::Any => {
+                let absence = spec.absence();
+                let (keys, is_match) = absence.map_or((None, false), |absence| (Some(absence.keys), absence.is_match));
+                let at = self.rest.iter().position(|rest| rest.keys == keys);
+                let at = at.unwrap_or_else(|| {
+                    self.rest.push(Rest { keys, matching: Vec::new(), all: Vec::new() });
+                    self.rest.len() - 1
+                });
+                if let Some(rest) = self.rest.get_mut(at) {
+                    rest.all.push(index);
+                    rest.matching.extend(is_match.then_some(index));
+                }
+            }
         }
     }
 
-    /// The specs that can match the query.
-    fn candidates(&self, query: &Document) -> Vec<usize> {
-        let mut found = self.rest.clone();
+    /// The specs that can match the query, in their order.
+    fn candidates(&self, query: &Document) -> Vec<Candidate> {
+        let possible = |index: &usize| Candidate { index: *index, is_certain: false };
+        let mut found = Vec::new();
+        for rest in &self.rest {
+            match &rest.keys {
+                Some(keys) if !keys.iter().any(|key| query.contains_key(key)) => {
+                    let certain = |index: &usize| Candidate { index: *index, is_certain: true };
+                    found.extend(rest.matching.iter().map(certain));
+                }
+                _ => found.extend(rest.all.iter().map(possible)),
+            }
+        }
         for (key, value) in query {
             match (self.texts.get(key), value) {
-                (Some(texts), Bson::String(text)) => found.extend(texts.get(text).into_iter().flatten()),
-                (Some(texts), _) => found.extend(texts.values().flatten()),
+                (Some(texts), Bson::String(text)) => found.extend(texts.get(text).into_iter().flatten().map(possible)),
+                (Some(texts), _) => found.extend(texts.values().flatten().map(possible)),
                 (None, _) => {}
             }
-            found.extend(self.keys.get(key).into_iter().flatten());
+            let bounded = self.keys.get(key).into_iter().flatten();
+            found.extend(bounded.filter(|(bounds, _)| bounds.admit(value)).map(|(_, index)| possible(index)));
         }
+        found.sort_unstable();
+        found.dedup_by_key(|candidate| candidate.index);
         found
     }
 }

@@ -2,6 +2,7 @@
 
 use bson::{Bson, Document};
 
+use super::bounds::Bounds;
 use crate::query::{Filter, QueryError};
 
 /// A compiled spec: a query on queries.
@@ -13,14 +14,23 @@ pub(super) struct Spec {
 
 /// What a query must have, so that a spec can match it: the place where the
 /// spec is looked for.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Slot {
     /// This key with this text (or with what is no text: an array may have it).
     Text(String, String),
-    /// This key.
-    Key(String),
+    /// This key, with a number within these bounds where there are some.
+    Key(String, Bounds),
     /// Nothing in particular.
     Any,
+}
+
+/// What decides a spec for queries that have none of the keys which it is about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Absence {
+    /// The keys that it is about, sorted.
+    pub(super) keys: Vec<String>,
+    /// Whether it matches those queries.
+    pub(super) is_match: bool,
 }
 
 impl Spec {
@@ -42,6 +52,15 @@ impl Spec {
             }
         }
         Ok(missed)
+    }
+
+    /// How queries are decided that have none of its keys; none where it is about other things than keys.
+    pub(super) fn absence(&self) -> Option<Absence> {
+        let mut keys = Vec::new();
+        collect_keys(&self.document, &mut keys)?;
+        keys.sort_unstable();
+        keys.dedup();
+        Some(Absence { keys, is_match: self.matches(&Document::new()).ok()? })
     }
 
     /// Where the spec is looked for: every query that it matches has one of these.
@@ -79,11 +98,28 @@ fn clause_slots(key: &str, value: &Bson) -> Option<Vec<Slot>> {
             let (first, dotted) = path.split_once('.').map_or((path, false), |(first, _)| (first, true));
             match value {
                 Bson::String(text) if !dotted => Some(vec![Slot::Text(first.to_owned(), text.clone())]),
-                value if needs_key(value) => Some(vec![Slot::Key(first.to_owned())]),
-                _ => None,
+                value => {
+                    let bounds = Bounds::of(value);
+                    let slot = || Slot::Key(first.to_owned(), if dotted { Bounds::NONE } else { bounds });
+                    (bounds != Bounds::NONE || needs_key(value)).then(|| vec![slot()])
+                }
             }
         }
     }
+}
+
+/// The keys that a spec is about; nothing where it has conditions that are about more than keys.
+fn collect_keys(spec: &Document, keys: &mut Vec<String>) -> Option<()> {
+    for (key, value) in spec {
+        match (key.as_str(), value) {
+            ("$and" | "$or" | "$nor", Bson::Array(parts)) => {
+                parts.iter().try_for_each(|part| collect_keys(part.as_document()?, keys))?;
+            }
+            (operator, _) if operator.starts_with('$') => return None,
+            (path, _) => keys.push(path.split('.').next().unwrap_or(path).to_owned()),
+        }
+    }
+    Some(())
 }
 
 /// Whether a clause matches only documents that have its key.
@@ -141,11 +177,14 @@ mod tests {
     #[test]
     fn a_spec_is_looked_for_where_every_match_is() {
         let slots = |document| spec(document).slots();
-        let (text, key) =
-            (|key: &str, text: &str| Slot::Text(key.into(), text.into()), |key: &str| Slot::Key(key.into()));
+        let text = |key: &str, text: &str| Slot::Text(key.into(), text.into());
+        let key = |key: &str| Slot::Key(key.into(), Bounds::NONE);
+        let number = |key: &str, value: Bson| Slot::Key(key.into(), Bounds::of(&value));
         assert_eq!(slots(doc! { "x": { "$exists": true }, "a": "b" }), [text("a", "b")]);
         assert_eq!(slots(doc! { "x": { "$exists": true } }), [key("x")]);
-        assert_eq!(slots(doc! { "x": 1 }), [key("x")]);
+        assert_eq!(slots(doc! { "x": 1 }), [number("x", 1.into())]);
+        assert_eq!(slots(doc! { "x": { "$gt": 3 } }), [number("x", doc! { "$gte": 3.0 }.into())]);
+        assert_eq!(slots(doc! { "x.y": { "$gt": 3 } }), [key("x")]);
         assert_eq!(slots(doc! { "x.y": "a" }), [key("x")]);
         let either = doc! { "$or": [{ "a": "b" }, { "a.$in": "b" }] };
         assert_eq!(slots(either.clone()), [text("a", "b"), key("a")]);
@@ -160,5 +199,18 @@ mod tests {
         ] {
             assert_eq!(slots(document), [Slot::Any]);
         }
+    }
+
+    #[test]
+    fn queries_without_its_keys_are_decided_at_once() {
+        let absence = |document| spec(document).absence();
+        let decided = |keys: &[&str], is_match| {
+            Some(Absence { keys: keys.iter().map(|key| (*key).to_owned()).collect(), is_match })
+        };
+        assert_eq!(absence(doc! { "a": { "$ne": 1 } }), decided(&["a"], true));
+        assert_eq!(absence(doc! { "b": 1, "a.c": 2 }), decided(&["a", "b"], false));
+        assert_eq!(absence(doc! { "$nor": [{ "b": 1 }, { "a": { "$exists": true } }] }), decided(&["a", "b"], true));
+        assert_eq!(absence(doc! {}), decided(&[], true));
+        assert_eq!(absence(doc! { "a": 1, "$expr": { "$gt": ["$b", 1] } }), None);
     }
 }
