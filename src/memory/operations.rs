@@ -7,7 +7,7 @@ use std::time::Instant;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::clock::Clock;
-use super::computables::{self, Computables, Computed, Registry, View};
+use super::computables::{self, Answering, Computables, Computed, Registry, View};
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use super::unseen;
@@ -135,19 +135,22 @@ impl Memory {
         if let Some(found) = self.find_stored(ns, find)? {
             return Ok(found);
         }
-        self.answer(&[(ns, &find.filter)], true, |view| {
+        self.answer(&[(ns, &find.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], &find.modifiers, view)? {
                 let find = Find { filter: unseen::in_filter(&find.filter), ..find.clone() };
                 return Ok(ready(extended.find(ns, &find)?));
             }
             let start = Instant::now();
             let find = Find { filter: view.filter(&find.filter), ..find.clone() };
-            settled(view, self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?))
+            settled(view, self.journal.watch("find", ns, start, self.read(ns, &find, view)?))
         })
     }
 
     /// Answers a query that needs no computables, which is read together with the documents; else gives nothing.
     fn find_stored(&self, ns: &Namespace, find: &Find) -> Result<Option<Documents<'_>>, StoreError> {
+        if self.has_once() {
+            return Ok(None);
+        }
         let Some(store) = self.routes.existing(ns)? else { return Ok(None) };
         let (start, view) = (Instant::now(), self.computables.view(self.clock.now()));
         let found = store.find_chosen(ns, &mut || {
@@ -177,7 +180,7 @@ impl Memory {
     /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
     /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let mut explanation = self.answer(&[(ns, &find.filter)], true, |view| {
+        let mut explanation = self.answer(&[(ns, &find.filter)], Answering::Asking, |view| {
             let chosen = self.choosing(ns, &find.filter, view)?;
             if let (Some(extended), Some(chosen)) =
                 (self.extended(&[(ns, &find.filter)], &find.modifiers, view)?, chosen)
@@ -206,13 +209,13 @@ impl Memory {
     /// Counts matches; see [`Store::count`].
     pub fn count<'q>(&self, ns: &Namespace, query: impl Into<Query<'q>>) -> Result<u64, StoreError> {
         let query = query.into();
-        self.answer(&[(ns, query.filter)], true, |view| {
+        self.answer(&[(ns, query.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
                 let filter = unseen::in_filter(query.filter);
                 return extended.count(ns, Query { filter: &filter, ..query });
             }
             let visible = view.filter(query.filter);
-            let count = || self.routes.reading(ns)?.count(ns, Query { filter: &visible, ..query });
+            let count = || self.tally(ns, Query { filter: &visible, ..query }, view);
             self.journal.note("count", Some(ns), |count| *count, count)
         })
     }
@@ -230,7 +233,7 @@ impl Memory {
     /// Distinct values; see [`Store::values`].
     pub fn values<'q>(&self, ns: &Namespace, field: &str, query: impl Into<Query<'q>>) -> Result<Values, StoreError> {
         let query = query.into();
-        self.answer(&[(ns, query.filter)], true, |view| {
+        self.answer(&[(ns, query.filter)], Answering::Asking, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
                 let filter = unseen::in_filter(query.filter);
                 return extended.values(ns, field, Query { filter: &filter, ..query });
@@ -295,7 +298,7 @@ impl Memory {
             let results = store.aggregate(ns, pipeline)?;
             settled(view, self.journal.watch("aggregate", ns, start, results))
         };
-        self.answer(&questions, !writes, work)
+        self.answer(&questions, if writes { Answering::Writing } else { Answering::Asking }, work)
     }
 
     /// Changes documents; see [`Store::update`].

@@ -261,6 +261,13 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// Whether documents that may be stored could be in a collection for a moment without anybody noticing: no index would
+    /// refuse or remove them, strings compare byte by byte, and no [`Store::watch`] gets computed documents.
+    fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        let _ = ns;
+        Ok(false)
+    }
+
     /// Whether [`Store::atomically`] is atomic.
     fn is_atomic(&self) -> bool {
         false

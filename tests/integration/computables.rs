@@ -39,6 +39,8 @@ const CASES: &[(&str, Case)] = cases![
     what_takes_longer_than_its_cache_time_is_computed_once_for_a_query,
     queries_that_overlap_see_no_document_twice,
     without_a_cache_nothing_is_left,
+    answers_are_the_same_with_and_without_a_cache,
+    what_is_computed_for_one_query_is_in_the_way_of_no_other,
     the_computable_of_higher_priority_comes_first,
     a_body_sees_what_others_compute_elsewhere,
     every_kind_of_question_computes,
@@ -387,6 +389,93 @@ fn without_a_cache_nothing_is_left(lab: &Lab) {
         assert_eq!(reported(&memory), [("low".into(), false)]);
         assert_eq!(stored(lab, &memory, "x"), 0);
     }
+}
+
+fn answers_are_the_same_with_and_without_a_cache(lab: &Lab) {
+    let stages = vec![doc! { "$project": { "_id": 0, "high": "yes", "n": "$z" } }];
+    let high = || lab.pipeline("high", doc! { "high": { "$exists": true } }, "blocks", stages.clone());
+    // Reads what the first one made, by a query and by a pipeline.
+    let counted = vec![
+        doc! { "$match": { "n": { "$exists": true } } },
+        doc! { "$group": { "_id": null, "sum": { "$sum": "$n" } } },
+        doc! { "$project": { "_id": 0, "high": "sum", "n": "$sum" } },
+    ];
+    let sum = || Definition {
+        priority: -1,
+        ..lab.pipeline("sum", doc! { "high": { "$exists": true } }, "x", counted.clone())
+    };
+    let once = |definition: Definition| Definition { cache: None, ..definition };
+    let (cached, alone) = (lab.memory(vec![high(), sum()]), lab.memory(vec![once(high()), once(sum())]));
+    lab.blocks(&cached);
+    if lab.uri == "mem:" {
+        lab.blocks(&alone);
+    }
+    let x = lab.ns("x");
+    let written: Vec<Document> = (0..5).map(|n| doc! { "_id": n, "high": "no", "n": n * 3 % 5 }).collect();
+    for memory in [&cached, &alone] {
+        if memory.count(&x, &doc! {}).unwrap() == 0 {
+            memory.insert(&x, written.clone()).unwrap();
+        }
+    }
+    let asked = doc! { "high": { "$in": ["yes", "no", "sum"] } };
+    let found = |memory: &Memory, find: &Find| -> Vec<Document> {
+        let found = memory.find(&x, find).unwrap().map(|raw| Document::try_from(&*raw.unwrap()).unwrap());
+        // Those of which the `_id` is made up differ in that.
+        let comparable = found.map(|document| match document.get_object_id("_id") {
+            Ok(_) => document.into_iter().filter(|(key, _)| key != "_id").collect(),
+            Err(_) => document,
+        });
+        comparable.collect()
+    };
+    for sort in [doc! {}, doc! { "n": 1 }, doc! { "n": -1, "high": 1 }] {
+        for (skip, limit) in [(0, 0), (1, 4), (6, 0)] {
+            for projection in [doc! {}, doc! { "n": 1 }] {
+                let (filter, sort) = (asked.clone(), sort.clone());
+                let find = Find { filter, sort, skip, limit, projection, ..Find::default() };
+                assert_eq!(found(&alone, &find), found(&cached, &find), "{find:?}");
+            }
+        }
+    }
+    let find = Find { filter: asked.clone(), ..Find::default() };
+    assert_eq!(found(&alone, &find).len(), 9);
+    let stages = [
+        doc! { "$match": asked.clone() },
+        doc! { "$group": { "_id": "$high", "n": { "$sum": "$n" } } },
+        doc! { "$sort": { "_id": 1 } },
+    ];
+    for memory in [&alone, &cached] {
+        assert_eq!(memory.count(&x, &asked).unwrap(), 9);
+        assert_eq!(memory.distinct(&x, "high", &asked).unwrap(), ["no", "sum", "yes"].map(Bson::from));
+        let grouped: Vec<_> =
+            memory.aggregate(&x, &stages).unwrap().map(|raw| raw.unwrap().get_i32("n").unwrap()).collect();
+        assert_eq!(grouped, [10, 15, 5]);
+        let explained = memory.explain(&x, &find).unwrap();
+        // A server counts in numbers of 32 bits.
+        let returned = explained.get("returned").and_then(|n| n.as_i64().or(n.as_i32().map(i64::from)));
+        assert_eq!(returned, Some(9), "{explained}");
+    }
+    let left = lab.memory(Vec::new());
+    assert_eq!(left.count(&x, &doc! {}).unwrap(), if lab.uri == "mem:" { 0 } else { 5 });
+}
+
+fn what_is_computed_for_one_query_is_in_the_way_of_no_other(lab: &Lab) {
+    let stages =
+        vec![doc! { "$project": { "_id": { "$literal": 7 }, "one": { "$literal": true } } }, doc! { "$limit": 1 }];
+    let one = Definition { cache: None, ..lab.pipeline("one", doc! { "one": true }, "blocks", stages.clone()) };
+    let two = Definition { cache: None, priority: -1, ..lab.pipeline("two", doc! { "two": true }, "blocks", stages) };
+    let memory = lab.memory(vec![one, two]);
+    lab.blocks(&memory);
+    let x = lab.ns("x");
+    let mut found = memory.find(&x, &Find { filter: doc! { "one": true }, ..Find::default() }).unwrap();
+    assert_eq!(memory.count(&x, &doc! { "one": true }).unwrap(), 1);
+    assert!(found.next().is_some_and(|found| found.is_ok()) && found.next().is_none());
+    // For one query, they are.
+    let error = fails(&memory, &x, doc! { "one": true, "two": true });
+    assert!(error.contains("the computable `two` failed") && error.contains("_id: 7"), "{error}");
+    assert_eq!(stored(lab, &memory, "x"), 0);
+    memory.insert(&x, vec![doc! { "_id": 7 }]).unwrap();
+    assert!(fails(&memory, &x, doc! { "one": true }).contains("computed documents take no other one's place"));
+    assert_eq!(stored(lab, &memory, "x"), 1);
 }
 
 fn the_computable_of_higher_priority_comes_first(lab: &Lab) {

@@ -109,7 +109,7 @@ impl Memory {
             _ => Document::new(),
         };
         let find = Find { filter: view.filter(&filter), modifiers: modifiers.without_hint(), ..Find::default() };
-        let mut documents = self.routes.reading(ns)?.find(ns, &find)?.collect::<Result<Vec<_>, _>>()?;
+        let mut documents = self.read(ns, &find, view)?.collect::<Result<Vec<_>, _>>()?;
         for wanted in &part.wanted {
             let start = Instant::now();
             let others = Others { earlier: &view.computations(), later: &[] };

@@ -1,6 +1,5 @@
 //! Answering: compute what a query needs, then ask the store.
 
-use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
@@ -12,13 +11,13 @@ use super::extended;
 use super::questions::{questions, visible_stages};
 use super::report::Computed;
 use super::state::{COMPUTE_TIMEOUT, Others, Running, Wanted};
+use super::storing::{self, remove};
 use super::view::View;
 use crate::fault::{AtFault, Fault};
-use crate::formats::shell;
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
-use crate::query::{QueryError, field, key, object_id};
-use crate::store::{Aggregation, Documents, Find, Modifiers, Namespace, Store, StoreError, metadata};
+use crate::query::{QueryError, field, object_id};
+use crate::store::{Aggregation, Documents, Find, Modifiers, Namespace, StoreError, metadata};
 
 /// How often an answer is made from shared computations; where they were replaced meanwhile each time, the next one
 /// computes for its query alone.
@@ -27,8 +26,6 @@ const ATTEMPTS: usize = 5;
 const DEPTH: usize = 16;
 /// At most so many documents of one computation.
 const MOST_DOCUMENTS: usize = 100_000;
-/// How many of them are stored at once.
-const BATCH: usize = 1_000;
 /// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
@@ -50,14 +47,31 @@ enum Made {
     Before,
     /// For this query, and for those that ask the same while the cache holds; their `_id`s.
     Now(Vec<Bson>),
-    /// For this query alone: these are removed when it is answered.
-    Alone(Vec<Bson>),
+    /// For this query alone ([`super::once`]).
+    Alone,
+}
+
+/// How an answer is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::memory) enum Answering {
+    /// By [`Memory::read`] and [`Memory::tally`], which know what is not stored. It is made again where computed documents
+    /// were replaced meanwhile.
+    Reading,
+    /// By the store, which has to have all documents; else the same.
+    Asking,
+    /// By the store, once: it writes.
+    Writing,
 }
 
 impl Held {
     fn is_shared(&self) -> bool {
-        !matches!(self.made, Made::Alone(_))
+        !matches!(self.made, Made::Alone)
     }
+}
+
+/// The `_id`s of documents.
+fn ids(documents: &[RawDocumentBuf]) -> Vec<Bson> {
+    documents.iter().filter_map(|document| field(document, "_id").and_then(|id| Bson::try_from(id).ok())).collect()
 }
 
 impl Source for Memory {
@@ -75,11 +89,13 @@ impl Source for Memory {
         documents: &[RawDocumentBuf],
         pipeline: &[Document],
     ) -> Result<Documents<'_>, StoreError> {
-        let id = |document: &RawDocumentBuf| field(document, "_id").and_then(|id| Bson::try_from(id).ok());
-        let ids: Vec<Bson> = documents.iter().filter_map(id).collect();
-        let chosen = doc! { "$match": { "_id": { "$in": ids } } };
-        let stages: Vec<Document> = std::iter::once(chosen).chain(pipeline.iter().cloned()).collect();
-        let asked = questions(ns, &stages);
+        // The documents are asked for by their `_id`s, of which there may be many: that is made only where it is looked at.
+        let asks_for_ids = self.registry(ns)?.may_match(ns, "_id");
+        let stages = |documents| {
+            let chosen = doc! { "$match": { "_id": { "$in": ids(documents) } } };
+            std::iter::once(chosen).chain(pipeline.iter().cloned()).collect::<Vec<Document>>()
+        };
+        let asked = questions(ns, &stages(if asks_for_ids { documents } else { &[] }));
         let asked: Vec<_> = asked.iter().map(|(ns, query)| (ns, query)).collect();
         if let (wanted, false) = self.wanted(&asked)?
             && wanted.is_empty()
@@ -91,28 +107,33 @@ impl Source for Memory {
                 return Ok(Box::new(results.into_iter().map(|document| Ok(metadata::hide_within(document)?))));
             }
         }
-        Self::aggregate(self, ns, &stages)
+        Self::aggregate(self, ns, &stages(documents))
     }
 }
 
 impl Memory {
-    /// Does `work` once all that the questions need is computed. Where it is
-    /// `repeatable`, it is repeated when computed documents were replaced meanwhile.
+    /// Does `work` once all that the questions need is computed.
     pub(in crate::memory) fn answer<T>(
         &self,
         questions: &[(&Namespace, &Document)],
-        repeatable: bool,
+        answering: Answering,
         mut work: impl FnMut(&View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let _operation = self.computables.operate();
         let (wanted, adds_keys) = self.wanted(questions)?;
         self.computables.forget_last();
+        let mut work = |view: &View| {
+            if answering != Answering::Reading {
+                self.store_once()?;
+            }
+            work(view)
+        };
         if wanted.is_empty() {
             return work(&self.computables.view(self.clock.now()).with_keys(adds_keys));
         }
         let mut held = Vec::new();
         let mut work = |view: View| work(&view.with_keys(adds_keys));
-        let answered = self.answer_computed(&wanted, repeatable, &mut held, &mut work);
+        let answered = self.answer_computed(&wanted, answering != Answering::Writing, &mut held, &mut work);
         let tidied = held.iter().try_for_each(|held: &Held| self.tidy(held));
         answered.and_then(|answer| tidied.map(|()| answer))
     }
@@ -120,7 +141,7 @@ impl Memory {
     fn answer_computed<T>(
         &self,
         all: &[Wanted<'_>],
-        repeatable: bool,
+        is_repeatable: bool,
         held: &mut Vec<Held>,
         work: &mut impl FnMut(View) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
@@ -147,7 +168,7 @@ impl Memory {
                 }
             }
             let answer = work(view)?;
-            if !repeatable || alone || self.still_holds(held)? {
+            if !is_repeatable || alone || self.still_holds(held)? {
                 return Ok(answer);
             }
         }
@@ -173,7 +194,7 @@ impl Memory {
         let mut holding = Vec::with_capacity(before);
         for held in held.drain(..) {
             let holds = match &held.made {
-                Made::Alone(_) => true,
+                Made::Alone => true,
                 _ if !current.contains(&held.key) => false,
                 _ if held.until > now => true,
                 Made::Before => false,
@@ -255,7 +276,7 @@ impl Memory {
                         is_claimed = entry.claim(former.as_ref(), definition, wanted.query, token, until)?;
                         Ok(())
                     })
-                    .map_err(|error| unstorable(wanted, error))?;
+                    .map_err(|error| storing::unstorable(definition, error))?;
                     if !is_claimed {
                         continue;
                     }
@@ -267,7 +288,9 @@ impl Memory {
                         let mut documents = Some(documents);
                         cache::write(store, || {
                             former.iter().try_for_each(|former| entry.clear(former))?;
-                            let ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, life)?;
+                            let documents = documents.take().unwrap_or_default();
+                            let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
+                            let ids = storing::insert(store, definition, documents, token)?;
                             if !entry.finish(token, &ids, life)? {
                                 // Another process has claimed the entry, because this one took too long.
                                 return remove(store, ns, &ids, token);
@@ -292,23 +315,11 @@ impl Memory {
 
     /// Computes for this query alone.
     fn compute_once(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<(Held, bool, u64), StoreError> {
-        let ns = &wanted.computable.definition.namespace;
         let documents = self.compute(wanted, others, None)?;
-        let token = object_id::new();
-        let until = after(self.clock.now(), COMPUTE_TIMEOUT);
-        let store = self.routes.reading(ns)?;
-        let (mut documents, mut ids) = (Some(documents), Vec::new());
-        cache::write(store, || {
-            let life = Lifetime { until, kept: until };
-            ids = self.publish(store, wanted, documents.take().unwrap_or_default(), token, life)?;
-            Ok(())
-        })?;
-        let count = ids.len() as u64;
-        Ok((
-            Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, made: Made::Alone(ids) },
-            false,
-            count,
-        ))
+        let (namespace, key) = (wanted.computable.definition.namespace.clone(), wanted.key.clone());
+        let (token, until) = (object_id::new(), after(self.clock.now(), COMPUTE_TIMEOUT));
+        let count = self.keep_once(wanted, documents, token, Lifetime { until, kept: until })?;
+        Ok((Held { namespace, key, token, until, made: Made::Alone }, false, count))
     }
 
     /// Runs the body; `documents` are those that it adds keys to, where it does.
@@ -365,79 +376,22 @@ impl Memory {
         Err(failed(wanted, Cycle(QueryError::bad_value(reason))))
     }
 
-    /// Stores what a body gave; returns the `_id`s.
-    fn publish(
-        &self,
-        store: &dyn Store,
-        wanted: &Wanted<'_>,
-        documents: Vec<Document>,
-        token: ObjectId,
-        life: Lifetime,
-    ) -> Result<Vec<Bson>, StoreError> {
-        let definition = &wanted.computable.definition;
-        if let Some(id) = doubled(&documents) {
-            let wrong = format!("it gave two documents with _id {}", shell::relaxed_value(id));
-            return Err(failed(wanted, QueryError::bad_value(wrong)));
-        }
-        let now = self.clock.now();
-        let info = doc! {
-            metadata::INSERTED: now,
-            "computed": true,
-            "cached_until": life.until,
-            metadata::DECAY: life.kept,
-            metadata::COMPUTATION: { "by": &definition.name, "token": token },
-        };
-        let mut ids = Vec::with_capacity(documents.len());
-        let mut rest = documents.into_iter().map(|mut document| {
-            document.insert(metadata::INFO, info.clone());
-            document
-        });
-        loop {
-            let batch: Vec<Document> = rest.by_ref().take(BATCH).collect();
-            if batch.is_empty() {
-                return Ok(ids);
-            }
-            match store.insert(&definition.namespace, batch) {
-                Ok(inserted) => ids.extend(inserted.ids),
-                Err(error) => {
-                    ids.extend(error.stored().iter().cloned());
-                    remove(store, &definition.namespace, &ids, token)?;
-                    return Err(unstorable(wanted, error));
-                }
-            }
-        }
-    }
-
     /// Removes what was computed for one query, also where its time in the cache was over before the query was answered.
     fn tidy(&self, held: &Held) -> Result<(), StoreError> {
-        let (ids, is_shared) = match &held.made {
-            Made::Alone(ids) => (ids, false),
-            Made::Now(ids) if held.until <= self.clock.now() => (ids, true),
+        let ids = match &held.made {
+            Made::Alone => return self.forget_once(held.token),
+            Made::Now(ids) if held.until <= self.clock.now() => ids,
             _ => return Ok(()),
         };
         let store = self.routes.reading(&held.namespace)?;
         cache::write(store, || {
-            if is_shared && !cache::discard(store, &held.namespace, &held.key, held.token)? {
+            if !cache::discard(store, &held.namespace, &held.key, held.token)? {
                 // Another process has removed them.
                 return Ok(());
             }
             remove(store, &held.namespace, ids, held.token)
         })
     }
-}
-
-/// Removes documents of one computation.
-fn remove(store: &dyn Store, ns: &Namespace, ids: &[Bson], token: ObjectId) -> Result<(), StoreError> {
-    for ids in ids.chunks(BATCH) {
-        store.delete(ns, (&doc! { "_id": { "$in": ids }, metadata::computation("token"): token }).into(), false)?;
-    }
-    Ok(())
-}
-
-/// An `_id` that two of the documents have.
-fn doubled(documents: &[Document]) -> Option<&Bson> {
-    let mut seen = HashSet::new();
-    documents.iter().filter_map(|document| document.get("_id")).find(|id| !seen.insert(key::encode_value(id)))
 }
 
 /// Computables that depend on each other, by how they were declared.
@@ -458,34 +412,4 @@ fn is_cycle(error: &StoreError) -> bool {
 
 fn failed(wanted: &Wanted<'_>, error: impl AtFault) -> StoreError {
     StoreError::computable(&wanted.computable.definition.name, error)
-}
-
-/// What a body gave cannot be stored.
-fn unstorable(wanted: &Wanted<'_>, error: StoreError) -> StoreError {
-    failed(wanted, Unstorable { namespace: wanted.computable.definition.namespace.clone(), source: error })
-}
-
-/// Computed documents could not be stored.
-#[derive(Debug, thiserror::Error)]
-#[error("what it gave cannot be stored in {namespace}: {source}{}", hint(source))]
-struct Unstorable {
-    namespace: Namespace,
-    source: StoreError,
-}
-
-impl AtFault for Unstorable {
-    fn fault(&self) -> Fault {
-        self.source.fault()
-    }
-}
-
-fn hint(error: &StoreError) -> &'static str {
-    match error {
-        StoreError::Duplicate { key, .. } if key.index().is_some() => {
-            "; that document is stored or computed, too: unique indexes of the collection hold for computed documents, so \
-             give each of them values of its own there"
-        }
-        StoreError::Duplicate { .. } => "; computed documents take no other one's place: leave the _id out",
-        _ => "",
-    }
 }

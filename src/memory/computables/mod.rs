@@ -18,7 +18,7 @@
 //!   of its own computable, unless its query needs that.
 //! - Updates and deletions change stored documents only.
 //! - A computable that adds keys ([`adding`]) gives no documents: its keys are in the answer, and stored nowhere.
-//! - Without a cache time, documents are removed when the query is answered.
+//! - Without a cache time, documents are gone when the query is answered; mostly, they are not stored at all ([`once`]).
 //! - The cache holds as long as the documents are as they were computed: where
 //!   some were removed or changed, the next query computes them anew, and what
 //!   is left of them goes.
@@ -39,6 +39,7 @@ mod kept;
 mod kept_check;
 mod key;
 mod nearest;
+mod once;
 mod pipeline;
 mod questions;
 mod record;
@@ -47,6 +48,8 @@ mod report;
 mod sources;
 mod spec;
 mod state;
+mod storing;
+mod together;
 mod transform;
 mod view;
 
@@ -61,6 +64,7 @@ pub use registry::{Computable, Registry};
 pub use report::Computed;
 pub use sources::Sources;
 
+pub(super) use answer::Answering;
 pub(super) use cache::forget;
 pub(super) use questions::{questions, target, visible_stages};
 pub(super) use state::Computables;

@@ -10,6 +10,7 @@ use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::definition::Definition;
 use super::key;
+use super::once::Once;
 use super::registry::{Computable, Registry};
 use super::report::Computed;
 use super::view::View;
@@ -28,6 +29,8 @@ pub(in crate::memory) struct Computables {
     pub(super) kept: RefCell<HashMap<String, Kept>>,
     /// Those whose bodies are running, each for a query of the one before.
     pub(super) running: RefCell<Vec<Running>>,
+    /// What was computed for queries that are being answered, and for them alone.
+    pub(super) once: RefCell<Vec<Once>>,
     /// What was computed for the last operation.
     pub(super) computed: RefCell<Vec<Computed>>,
     /// What was warned of, which is not said again.

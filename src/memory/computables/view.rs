@@ -55,6 +55,11 @@ impl View {
         self.tokens.iter().flatten().filter_map(Bson::as_object_id).collect()
     }
 
+    /// Whether the documents of a computation are seen.
+    pub(super) fn shows(&self, token: ObjectId) -> bool {
+        self.tokens.as_ref().is_none_or(|tokens| tokens.contains(&Bson::ObjectId(token)))
+    }
+
     /// Whether documents are in sight that may be computed anew meanwhile.
     pub(in crate::memory) fn is_computed(&self) -> bool {
         self.tokens.as_ref().is_none_or(|tokens| tokens.len() > 1)

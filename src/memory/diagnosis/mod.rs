@@ -11,7 +11,7 @@ mod sample;
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
 
-use super::computables::View;
+use super::computables::{Answering, View};
 use super::operations::Memory;
 use crate::formats::shell;
 use crate::query::is_condition;
@@ -57,7 +57,7 @@ impl Memory {
     /// # Errors
     /// Where the store fails, or the query is wrong.
     pub fn diagnose(&self, ns: &Namespace, filter: &Document) -> Result<Diagnosis, StoreError> {
-        self.answer(&[(ns, filter)], true, |view| {
+        self.answer(&[(ns, filter)], Answering::Asking, |view| {
             let extended = self.extended_whole(ns, filter, view)?;
             let store: &dyn Store = match &extended {
                 Some(extended) => extended.store()?,

@@ -7,6 +7,7 @@
 
 mod access;
 mod answer;
+mod apart;
 mod backup;
 mod batch;
 mod body;

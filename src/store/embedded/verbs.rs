@@ -219,6 +219,10 @@ impl Store for Embedded {
         result.and(durable)
     }
 
+    fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        self.is_lenient(ns)
+    }
+
     fn is_atomic(&self) -> bool {
         true
     }
