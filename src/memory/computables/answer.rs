@@ -12,7 +12,7 @@ use super::questions::{questions, visible_stages};
 use super::report::Computed;
 use super::state::{COMPUTE_TIMEOUT, Others, Running, Wanted};
 use super::storing::{self, remove};
-use super::view::View;
+use super::view::{Answering, View};
 use crate::fault::{AtFault, Fault};
 use crate::memory::journal::Operation;
 use crate::memory::operations::Memory;
@@ -49,18 +49,6 @@ enum Made {
     Now(Vec<Bson>),
     /// For this query alone ([`super::once`]).
     Alone,
-}
-
-/// How an answer is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::memory) enum Answering {
-    /// By [`Memory::read`] and [`Memory::tally`], which know what is not stored. It is made again where computed documents
-    /// were replaced meanwhile.
-    Reading,
-    /// By the store, which has to have all documents; else the same.
-    Asking,
-    /// By the store, once: it writes.
-    Writing,
 }
 
 impl Held {

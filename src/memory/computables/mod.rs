@@ -24,6 +24,7 @@
 //!   is left of them goes.
 
 mod adding;
+mod alone;
 mod answer;
 mod binding;
 mod body;
@@ -64,9 +65,8 @@ pub use registry::{Computable, Registry};
 pub use report::Computed;
 pub use sources::Sources;
 
-pub(super) use answer::Answering;
 pub(super) use cache::forget;
 pub(super) use questions::{questions, target, visible_stages};
 pub(super) use state::Computables;
 pub use state::Warnings;
-pub(super) use view::View;
+pub(super) use view::{Answering, View};

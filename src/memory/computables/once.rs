@@ -10,8 +10,8 @@ use std::rc::Rc;
 use bson::oid::ObjectId;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
+use super::alone::{Once, Place};
 use super::cache::{self, Lifetime};
-use super::registry::Computable;
 use super::state::Wanted;
 use super::storing::{self, BATCH};
 use super::together;
@@ -19,33 +19,6 @@ use super::view::View;
 use crate::memory::Memory;
 use crate::query::{QueryError, field, key};
 use crate::store::{Documents, Find, Namespace, Query, Store, StoreError, document, metadata};
-
-/// A computation for one query alone.
-pub(super) struct Once {
-    token: ObjectId,
-    computable: Rc<Computable>,
-    documents: Place,
-}
-
-/// Where documents are.
-enum Place {
-    Memory(Vec<RawDocumentBuf>),
-    /// In the store, with these `_id`s.
-    Store(Vec<Bson>),
-}
-
-impl Once {
-    fn namespace(&self) -> &Namespace {
-        &self.computable.definition.namespace
-    }
-
-    fn in_memory(&self) -> &[RawDocumentBuf] {
-        match &self.documents {
-            Place::Memory(documents) => documents,
-            Place::Store(_) => &[],
-        }
-    }
-}
 
 impl Memory {
     /// Keeps what a body gave until the query is answered; returns how many documents.

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use bson::oid::ObjectId;
 use bson::{DateTime, Document, RawDocumentBuf};
 
+use super::alone::Once;
 use super::definition::Definition;
 use super::key;
-use super::once::Once;
 use super::registry::{Computable, Registry};
 use super::report::Computed;
 use super::view::View;

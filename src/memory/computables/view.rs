@@ -17,6 +17,18 @@ pub(in crate::memory) struct View {
     adds_keys: bool,
 }
 
+/// How an answer is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::memory) enum Answering {
+    /// By `Memory::read` and `Memory::tally`, which know what is not stored. It is made again where computed documents
+    /// were replaced meanwhile.
+    Reading,
+    /// By the store, which has to have all documents; else the same.
+    Asking,
+    /// By the store, once: it writes.
+    Writing,
+}
+
 impl View {
     /// Returns the stored documents at a time.
     pub(in crate::memory) fn at(at: DateTime) -> Self {

@@ -1,0 +1,36 @@
+//! A computation for one query alone, and where its documents are.
+
+use std::rc::Rc;
+
+use bson::oid::ObjectId;
+use bson::{Bson, RawDocumentBuf};
+
+use super::registry::Computable;
+use crate::store::Namespace;
+
+/// A computation for one query alone.
+pub(super) struct Once {
+    pub(super) token: ObjectId,
+    pub(super) computable: Rc<Computable>,
+    pub(super) documents: Place,
+}
+
+/// Where documents are.
+pub(super) enum Place {
+    Memory(Vec<RawDocumentBuf>),
+    /// In the store, with these `_id`s.
+    Store(Vec<Bson>),
+}
+
+impl Once {
+    pub(super) fn namespace(&self) -> &Namespace {
+        &self.computable.definition.namespace
+    }
+
+    pub(super) fn in_memory(&self) -> &[RawDocumentBuf] {
+        match &self.documents {
+            Place::Memory(documents) => documents,
+            Place::Store(_) => &[],
+        }
+    }
+}
