@@ -367,9 +367,13 @@ fn ground_fact(atom: &Atom, resolver: &mut Resolver<'_, '_, '_>) -> Option<Box<[
 }
 
 fn ground(head: u32, arguments: &[Arg]) -> Option<Box<[u32]>> {
-    let objects = arguments.iter().map(|argument| match argument {
-        Arg::Object(number) => Some(*number),
-        Arg::Slot(_) | Arg::Fluent => None,
-    });
-    std::iter::once(Some(head)).chain(objects).collect()
+    let mut numbers = Vec::with_capacity(arguments.len() + 1);
+    numbers.push(head);
+    for argument in arguments {
+        match argument {
+            Arg::Object(number) => numbers.push(*number),
+            Arg::Slot(_) | Arg::Fluent => return None,
+        }
+    }
+    Some(numbers.into_boxed_slice())
 }

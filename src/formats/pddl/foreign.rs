@@ -26,6 +26,9 @@ pub fn other_language(source: &Source) -> Option<(Span, &'static str)> {
 /// The types whose dash has no blank behind it, as in `?r -robot`. In a text that was read, such a word is nothing else.
 #[must_use]
 pub fn tight_dashes(source: &Source) -> Vec<Span> {
+    if !may_have_tight_dash(source.text().as_bytes()) {
+        return Vec::new();
+    }
     let mut tokens = Tokens::new(source.text(), 0);
     let mut found = Vec::new();
     while let Some(token) = tokens.next_token() {
@@ -37,4 +40,35 @@ pub fn tight_dashes(source: &Source) -> Vec<Span> {
         }
     }
     found
+}
+
+/// Whether a letter follows a dash with which a word may begin, also in comments.
+fn may_have_tight_dash(text: &[u8]) -> bool {
+    let is_letter = |at: usize| text.get(at).is_some_and(u8::is_ascii_alphabetic);
+    let begins = |at: usize| at == 0 || !matches!(text[at - 1], b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'_' | b'-');
+    memchr::memchr_iter(b'-', text).any(|at| is_letter(at + 1) && begins(at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dash_is_tight_wherever_a_word_may_begin() {
+        for (text, found) in [
+            ("(?r -robot)", 1),
+            ("(?r -robot ?b\n-box)", 2),
+            ("(-robot)", 1),
+            ("-robot", 1),
+            ("(?r - robot)", 0),
+            ("(on-table a--b x_-y 4-a)", 0),
+            ("(- 1 -2)", 0),
+            ("; -comment\n(a -b)", 1),
+            ("(a\u{a0}-b)", 0),
+            ("\u{feff}-a", 1),
+        ] {
+            let source = Source::new("p", text);
+            assert_eq!(tight_dashes(&source).len(), found, "{text}");
+        }
+    }
 }

@@ -198,6 +198,10 @@ impl Scan<'_> {
 
 /// The keyword after the bracket at `open`, if it begins a section.
 fn section_keyword(text: &str, open: usize) -> Option<Span> {
+    // Most lists begin with a name.
+    if text.as_bytes().get(open + 1).is_some_and(u8::is_ascii_alphabetic) {
+        return None;
+    }
     match Tokens::new(text, open + 1).next_token()? {
         Token::Word(span) => {
             let word = text.get(span.start..span.end)?;

@@ -16,7 +16,7 @@ impl<T: Display> Display for Spaced<'_, T> {
             if index > 0 {
                 f.write_char(' ')?;
             }
-            write!(f, "{item}")?;
+            item.fmt(f)?;
         }
         Ok(())
     }
@@ -31,7 +31,7 @@ impl Display for TypedList<'_> {
             if index > 0 {
                 f.write_char(' ')?;
             }
-            write!(f, "{}", typed.name)?;
+            typed.name.fmt(f)?;
             let next = self.0.get(index + 1).map(|next| &next.kind);
             match (&typed.kind, next) {
                 // Without a type it would get the next one's.
@@ -64,7 +64,8 @@ fn write_typed_section(f: &mut Formatter<'_>, keyword: &str, list: &[Typed]) -> 
 fn write_lines<T: Display>(f: &mut Formatter<'_>, keyword: &str, items: &[T]) -> fmt::Result {
     write!(f, "\n  ({keyword}")?;
     for item in items {
-        write!(f, "\n    {item}")?;
+        f.write_str("\n    ")?;
+        item.fmt(f)?;
     }
     f.write_char(')')
 }
@@ -161,9 +162,12 @@ impl Display for DurativeAction {
 
 impl Display for Atom {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "({}", self.name)?;
+        // Initial states have millions of atoms, and each `write!` is a call through a table for each of its parts.
+        f.write_char('(')?;
+        self.name.fmt(f)?;
         for argument in &self.arguments {
-            write!(f, " {argument}")?;
+            f.write_char(' ')?;
+            argument.fmt(f)?;
         }
         f.write_char(')')
     }
@@ -172,8 +176,8 @@ impl Display for Atom {
 impl Display for Term {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Variable(name) | Self::Name(name) => write!(f, "{name}"),
-            Self::Call(atom) => write!(f, "{atom}"),
+            Self::Variable(name) | Self::Name(name) => name.fmt(f),
+            Self::Call(atom) => atom.fmt(f),
         }
     }
 }
@@ -207,8 +211,8 @@ impl Display for Condition {
 impl Display for Expression {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Number(number, _) => write!(f, "{number}"),
-            Self::Term(term) => write!(f, "{term}"),
+            Self::Number(number, _) => number.fmt(f),
+            Self::Term(term) => term.fmt(f),
             Self::Elapsed(_) => f.write_str("#t"),
             Self::Operation(operator, operands, _) => write!(f, "({operator} {})", Spaced(operands)),
         }
@@ -260,9 +264,15 @@ impl Display for Problem {
 impl Display for Init {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Atom(atom) => write!(f, "{atom}"),
+            Self::Atom(atom) => atom.fmt(f),
             Self::Not(atom) => write!(f, "(not {atom})"),
-            Self::Value(target, value) => write!(f, "(= {target} {value})"),
+            Self::Value(target, value) => {
+                f.write_str("(= ")?;
+                target.fmt(f)?;
+                f.write_char(' ')?;
+                value.fmt(f)?;
+                f.write_char(')')
+            }
             Self::At(time, true, atom) => write!(f, "(at {time} {atom})"),
             Self::At(time, false, atom) => write!(f, "(at {time} (not {atom}))"),
         }

@@ -61,9 +61,10 @@ impl Rewrite<'_, '_> {
 
     fn rewrite(&mut self, mut rest: &str) {
         while let Some(first) = rest.chars().next() {
-            let length = match is_delimiter(first) {
-                true => first.len_utf8(),
-                false => word_length(rest),
+            let length = match first {
+                '(' | ')' => 1,
+                c if c.is_whitespace() => rest.len() - rest.trim_start().len(),
+                _ => word_length(rest),
             };
             let (word, after) = rest.split_at(length);
             rest = after;
