@@ -13,7 +13,7 @@ use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory as _, Error, FromArgMatches as _, Parser};
 
-use crate::commands::{Command, formats};
+use crate::commands::{Command, add_named, formats};
 use crate::output::Format;
 use crate::settings::{Color, Flags};
 
@@ -50,8 +50,7 @@ pub fn command() -> clap::Command {
 /// Where it is wrong; also for `--help` and `--version`, with their text.
 pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -> String) -> Result<Cli, Error> {
     let args: Vec<OsString> = args.into_iter().collect();
-    // What helps make of the description takes longer than to parse a line, which needs none of it.
-    let mut plain = with_formats(Cli::command());
+    let mut plain = with_formats(named(&args));
     let (command, matches) = match plain.try_get_matches_from_mut(&args) {
         Ok(matches) => (plain, matches),
         Err(_) => told(args, database)?,
@@ -59,6 +58,14 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -
     let (name, formats) = called(&command, &matches);
     check_format(&name, &formats, &matches)?;
     Ok(Cli { name, formats, ..Cli::from_arg_matches(&matches)? })
+}
+
+/// Returns the description of the command line without what only helps show, and with the commands alone that these words
+/// name: a line that is right needs no more, and any other is parsed again.
+fn named(args: &[OsString]) -> clap::Command {
+    let command = clap::Command::new("rmem").version(env!("CARGO_PKG_VERSION")).propagate_version(true);
+    let command = add_named(Global::augment_args(command), args);
+    command.subcommand_required(true).arg_required_else_help(true)
 }
 
 /// Parses a command line that is wrong or asks for help, to say so.
@@ -164,6 +171,24 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         command().debug_assert();
+    }
+
+    #[test]
+    fn a_command_alone_takes_what_it_takes_among_all() {
+        fn arguments(command: &clap::Command) -> Vec<String> {
+            let own = command.get_arguments().map(|argument| format!("{argument:?}"));
+            own.chain(command.get_subcommands().flat_map(arguments)).collect()
+        }
+        let all = with_formats(Cli::command());
+        for command in all.get_subcommands() {
+            let name = command.get_name();
+            let alone = with_formats(named(&["rmem".into(), name.into()]));
+            assert_eq!(alone.get_subcommands().map(clap::Command::get_name).collect::<Vec<_>>(), [name]);
+            let global =
+                |command: &clap::Command| command.get_arguments().map(|a| format!("{a:?}")).collect::<Vec<_>>();
+            assert_eq!(global(&alone), global(&all), "{name}");
+            assert_eq!(alone.find_subcommand(name).map(arguments), Some(arguments(command)), "{name}");
+        }
     }
 
     #[test]
