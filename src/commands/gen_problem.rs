@@ -68,13 +68,18 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     // Where only the text is asked for, it is written as it is made.
     if args.explain.is_none()
         && (is_file || !is_json)
-        && let Some(mut streamed) = problem::stream(&request, &memory, domain.as_ref(), dialect)?
+        && let pending = context.output.begin_file(&args.output)
+        && let file = pending.as_ref().and_then(|pending| pending.file().try_clone().ok())
+        && let Some(mut streamed) = problem::stream(&request, &memory, domain.as_ref(), dialect, file)?
     {
         report(&Asked::from(&streamed), &memory, context);
         if args.options.strict {
             require(&streamed.sections)?;
         }
-        context.output.write_with(&args.output, |out| Ok(streamed.copy_to(out)?))?;
+        match pending.filter(|_| streamed.is_in_place()) {
+            Some(pending) => context.output.finish_file(&args.output, pending)?,
+            None => context.output.write_with(&args.output, |out| Ok(streamed.copy_to(out)?))?,
+        }
         if is_json {
             context.output.line(&shell::pretty(&Bson::Document(summary(&streamed.sections, None))))?;
         }

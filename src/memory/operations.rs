@@ -122,11 +122,15 @@ impl Memory {
     /// Answers a query with documents as applications see them: without
     /// metadata, unless the projection names some. See [`Store::find`].
     pub fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let (documents, has_hidden) = self.find_to_hide(ns, find)?;
+        Ok(if has_hidden { without_metadata(documents) } else { documents })
+    }
+
+    /// The same documents, perhaps with metadata that is to be hidden, and whether it is: for readers that look at single
+    /// fields, and pass over it.
+    pub(crate) fn find_to_hide(&self, ns: &Namespace, find: &Find) -> Result<(Documents<'_>, bool), StoreError> {
         let documents = self.find_with_metadata(ns, &unseen::in_find(find))?;
-        if find.projection.keys().any(|key| is_metadata(key)) {
-            return Ok(documents);
-        }
-        Ok(without_metadata(documents))
+        Ok((documents, !find.projection.keys().any(|key| is_metadata(key))))
     }
 
     /// Answers a query with documents and their metadata.

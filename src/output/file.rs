@@ -4,6 +4,8 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::NamedTempFile;
+
 use crate::error::Result;
 use crate::process::litter;
 
@@ -18,36 +20,71 @@ pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -
         write(&mut out)?;
         return Ok(out.flush()?);
     }
-    if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
-        return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
-    }
-    if existing.is_some() && is_database(&target) {
-        return Err(io::Error::other("it is a memory, or another SQLite database; name another file").into());
-    }
-    let folder = match target.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    let prefix = litter::prefix(folder, ".rmem-");
-    builder.prefix(&prefix);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let unnamed = |error: io::Error| io::Error::from(error.kind());
-    let file = builder.tempfile_in(folder).map_err(unnamed)?;
-    let mut out = BufWriter::new(Unnamed(file.as_file()));
+    let pending = Pending::beside(target, existing)?;
+    let mut out = BufWriter::new(Unnamed(pending.file()));
     write(&mut out)?;
     out.flush()?;
     drop(out);
-    if let Some(existing) = existing {
-        file.as_file().set_permissions(existing.permissions())?;
+    Ok(pending.finish()?)
+}
+
+/// A file that is written beside its target, and takes its place when it is whole; else it goes.
+#[derive(Debug)]
+pub struct Pending {
+    file: NamedTempFile,
+    target: PathBuf,
+    existing: Option<fs::Metadata>,
+}
+
+impl Pending {
+    /// Begins a file; nothing where that is no plain file, or cannot be written.
+    pub(super) fn begin(path: &Path) -> Option<Self> {
+        let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let existing = fs::metadata(&target).ok();
+        let is_plain = existing.as_ref().is_none_or(fs::Metadata::is_file);
+        let is_plain = is_plain && !path.starts_with("/dev") && !path.starts_with("/proc");
+        is_plain.then(|| Self::beside(target, existing).ok()).flatten()
     }
-    file.as_file().sync_all()?;
-    file.persist(&target).map_err(|error| error.error)?;
-    Ok(())
+
+    fn beside(target: PathBuf, existing: Option<fs::Metadata>) -> io::Result<Self> {
+        if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
+            return Err(io::Error::from(io::ErrorKind::IsADirectory));
+        }
+        if existing.is_some() && is_database(&target) {
+            return Err(io::Error::other("it is a memory, or another SQLite database; name another file"));
+        }
+        let folder = match target.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        let prefix = litter::prefix(folder, ".rmem-");
+        builder.prefix(&prefix);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            builder.permissions(fs::Permissions::from_mode(0o666));
+        }
+        let unnamed = |error: io::Error| io::Error::from(error.kind());
+        let file = builder.tempfile_in(folder).map_err(unnamed)?;
+        Ok(Self { file, target, existing })
+    }
+
+    /// What is to be written.
+    #[must_use]
+    pub fn file(&self) -> &File {
+        self.file.as_file()
+    }
+
+    /// Puts the file in the place of its target.
+    pub(super) fn finish(self) -> io::Result<()> {
+        if let Some(existing) = self.existing {
+            self.file.as_file().set_permissions(existing.permissions())?;
+        }
+        self.file.as_file().sync_all()?;
+        self.file.persist(&self.target).map_err(|error| error.error)?;
+        Ok(())
+    }
 }
 
 /// Whether a file begins as those of SQLite do (its documentation, "Database File Format", section 1.3.1).
@@ -84,6 +121,26 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pending_file_takes_the_place_of_its_target_or_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        for is_finished in [false, true] {
+            let pending = Pending::begin(&path).unwrap();
+            pending.file().write_all(b"one").unwrap();
+            if is_finished {
+                pending.finish().unwrap();
+            }
+            assert_eq!(
+                (path.exists(), fs::read_dir(folder.path()).unwrap().count()),
+                (is_finished, is_finished.into())
+            );
+        }
+        for path in [folder.path(), Path::new("/dev/null"), &folder.path().join("missing/out")] {
+            assert!(Pending::begin(path).is_none(), "{}", path.display());
+        }
     }
 
     #[test]

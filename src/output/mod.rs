@@ -14,6 +14,7 @@ use indicatif::ProgressBar;
 use crate::error::{Error, Result};
 use crate::fault::{AtFault, Fault};
 use crate::formats::{plain, visible};
+pub use file::Pending;
 use file::write_atomically;
 pub use format::Format;
 pub use progress::Progress;
@@ -258,20 +259,36 @@ impl<'a> Output<'a> {
         if path == Path::new("-") || path == Path::new("/dev/stdout") {
             return write(&mut self.stdout);
         }
-        let named = |error: io::Error| {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
-            let text = match folder {
-                Some(folder) => format!("the folder {} does not exist; create it first", folder.display()),
-                None => error.to_string(),
-            };
-            WriteError(format!("cannot write {}: {text}", path.display())).into()
-        };
         // A message names the target, and not the temporary file beside it.
         write_atomically(path, write).map_err(|error| match error.downcast::<io::Error>() {
-            Ok(error) => named(error),
+            Ok(error) => unwritten(path, &error),
             Err(error) => error,
         })
     }
+
+    /// Begins a product that is written before it is known whether it is right; nothing where that is not for a plain file.
+    #[must_use]
+    pub fn begin_file(&self, path: &Path) -> Option<Pending> {
+        if path == Path::new("-") { None } else { Pending::begin(path) }
+    }
+
+    /// Puts such a product in its place.
+    ///
+    /// # Errors
+    /// Where the file cannot be written; the old one is then as it was.
+    pub fn finish_file(&mut self, path: &Path, pending: Pending) -> Result<()> {
+        pending.finish().map_err(|error| unwritten(path, &error))
+    }
+}
+
+/// The error of a file that cannot be written.
+fn unwritten(path: &Path, error: &io::Error) -> Error {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
+    let text = match folder {
+        Some(folder) => format!("the folder {} does not exist; create it first", folder.display()),
+        None => error.to_string(),
+    };
+    WriteError(format!("cannot write {}: {text}", path.display())).into()
 }
 
 /// Writes above the line that shows progress.

@@ -89,12 +89,12 @@ impl Answerer {
         for question in &self.questions {
             let answer = match question {
                 Question::End => break,
-                Question::Find(ns, find) => {
-                    memory.find(&ns, &find).map(|cursor| keep(cursor, &mut cursors, &mut opened))
-                }
-                Question::Aggregate(ns, pipeline) => {
-                    memory.aggregate(&ns, &pipeline).map(|cursor| keep(cursor, &mut cursors, &mut opened))
-                }
+                Question::Find(ns, find) => memory.find_to_hide(&ns, &find).map(|(documents, has_hidden)| {
+                    keep(Open { documents, has_hidden, given: 0, ready: None }, &mut cursors, &mut opened)
+                }),
+                Question::Aggregate(ns, pipeline) => memory.aggregate(&ns, &pipeline).map(|documents| {
+                    keep(Open { documents, has_hidden: false, given: 0, ready: None }, &mut cursors, &mut opened)
+                }),
                 Question::Next(number) => {
                     let answer = cursors.get_mut(&number).map(Open::next);
                     let answer = answer.unwrap_or_else(|| Answer::Documents(Batch::default(), true));
@@ -124,6 +124,8 @@ impl Answerer {
 /// An answer that is under way.
 struct Open<'a> {
     documents: Documents<'a>,
+    /// Whether they have metadata that is not for the template: it is passed over where they are read.
+    has_hidden: bool,
     /// How many parts of it were given.
     given: usize,
     /// The next part of it, if it was fetched already.
@@ -146,7 +148,7 @@ impl Open<'_> {
 
     fn part(&mut self) -> Answer {
         let (most, bytes) = if self.given > 1 { (BATCH, BATCH_SIZE / 4) } else { (FIRST, 0) };
-        let mut documents = Batch::with_capacity(most, bytes);
+        let mut documents = Batch::with_capacity(most, bytes).hiding(self.has_hidden);
         while documents.len() < most && documents.size() < BATCH_SIZE {
             match self.documents.next() {
                 Some(Ok(document)) => documents.push(&document),
@@ -158,8 +160,8 @@ impl Open<'_> {
     }
 }
 
-fn keep<'a>(documents: Documents<'a>, cursors: &mut HashMap<u64, Open<'a>>, opened: &mut u64) -> Answer {
+fn keep<'a>(open: Open<'a>, cursors: &mut HashMap<u64, Open<'a>>, opened: &mut u64) -> Answer {
     *opened += 1;
-    cursors.insert(*opened, Open { documents, given: 0, ready: None });
+    cursors.insert(*opened, open);
     Answer::Cursor(*opened)
 }

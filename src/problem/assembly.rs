@@ -220,6 +220,29 @@ impl Assembler {
         self.part(text, PartKind::Value { number, origin: None });
     }
 
+    /// Adds a value of which nothing is noted, and which is a token by itself: no text is before it in its token, and `next`,
+    /// which comes after it, ends the token.
+    pub(super) fn whole_value(&mut self, text: &str, next: &str) -> Result<bool, Diagnostic> {
+        let is_whole = self.parts.is_empty()
+            && self.notes.is_none()
+            && next.starts_with(|c: char| c.is_ascii() && is_delimiter(c));
+        if !is_whole {
+            return Ok(false);
+        }
+        match self.names.find_exact(text) {
+            Some(number) if self.is_legal.get(number).is_some_and(|is_legal| *is_legal) => self.out.push_str(text),
+            _ => {
+                let start = self.out.len();
+                match is_free(text) {
+                    true => self.out.push_str(text),
+                    false => self.out.push_str(&names::encode(text)),
+                }
+                self.remember(start, None)?;
+            }
+        }
+        Ok(true)
+    }
+
     /// The text that was made so far, whole tokens; the caller may take it away where nothing is noted.
     pub(super) fn made_text(&mut self) -> &mut String {
         &mut self.out
@@ -243,10 +266,6 @@ impl Assembler {
     }
 
     fn put(&mut self, token: &str, parts: &mut Vec<Part>) -> Result<(), Diagnostic> {
-        if self.is_known(token, parts) {
-            self.out.push_str(token);
-            return Ok(());
-        }
         let start = self.out.len();
         let plain = is_number(parts, token);
         let mangle_all = !plain && (names::looks_mangled(token) || names::is_operator(token));
@@ -287,20 +306,14 @@ impl Assembler {
         if has_value && !plain { self.remember(start, first) } else { Ok(()) }
     }
 
-    /// Whether the token is one value of which nothing is noted, and its text a name that was written before.
-    fn is_known(&self, token: &str, parts: &[Part]) -> bool {
-        let [Part { kind: PartKind::Value { number: false, origin: None }, .. }] = parts else { return false };
-        let Some(number) = self.names.find(token) else { return false };
-        self.is_legal.get(number).is_some_and(|is_legal| *is_legal) && self.names.get(number) == Some(token)
-    }
-
     /// Refuses a name that differs from an earlier one in case only. `from` is where it comes from.
     fn remember(&mut self, start: usize, from: Option<(Span, Option<DocumentId>)>) -> Result<(), Diagnostic> {
         let name = self.out.get(start..).unwrap_or_default();
         let known = match self.names.add(name) {
             Ok(_) => {
-                let is_legal = names::is_legal(name) && !names::looks_mangled(name) && !names::is_operator(name);
-                self.is_legal.push(is_legal);
+                if self.notes.is_none() {
+                    self.is_legal.push(is_free(name));
+                }
                 self.notes.iter_mut().for_each(|notes| notes.first.push(from.clone().unwrap_or_default()));
                 return Ok(());
             }
@@ -325,6 +338,11 @@ impl Assembler {
             .hint(format!("`{first}` comes{} at {place}", from(&first_document)))
             .hint(format!("`{name}` comes{}", from(&document))))
     }
+}
+
+/// Whether a text is a name as it is, and would not be taken for anything else.
+fn is_free(text: &str) -> bool {
+    names::is_legal(text) && !names::looks_mangled(text) && !names::is_operator(text)
 }
 
 /// Whether the token is a number: its values are numbers, and so is the whole.

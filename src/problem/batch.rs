@@ -4,6 +4,8 @@ use std::sync::LazyLock;
 
 use bson::{RawDocument, RawDocumentBuf};
 
+use crate::store::metadata;
+
 static EMPTY: LazyLock<RawDocumentBuf> = LazyLock::new(RawDocumentBuf::new);
 
 /// Documents in one piece of memory: making and dropping each by itself, in different threads, takes longer than reading it.
@@ -12,12 +14,24 @@ pub(super) struct Batch {
     bytes: Vec<u8>,
     /// Where each of them ends.
     ends: Vec<usize>,
+    /// Whether the documents have metadata that is not for the template.
+    has_hidden: bool,
 }
 
 impl Batch {
     /// An empty one with room for so many documents and bytes.
     pub(super) fn with_capacity(documents: usize, bytes: usize) -> Self {
-        Self { bytes: Vec::with_capacity(bytes), ends: Vec::with_capacity(documents) }
+        Self { bytes: Vec::with_capacity(bytes), ends: Vec::with_capacity(documents), has_hidden: false }
+    }
+
+    /// The same, whose documents have metadata that is not for the template, if they do.
+    pub(super) fn hiding(self, has_hidden: bool) -> Self {
+        Self { has_hidden, ..self }
+    }
+
+    /// Whether the template does not see a key of a document.
+    pub(super) fn hides(&self, key: &str) -> bool {
+        self.has_hidden && key == metadata::INFO
     }
 
     /// Adds a document.
@@ -36,7 +50,7 @@ impl Batch {
         self.bytes.len()
     }
 
-    /// A document; an empty one where there are not so many.
+    /// A document, with what is hidden of it; an empty one where there are not so many.
     pub(super) fn get(&self, nth: usize) -> &RawDocument {
         let start = nth.checked_sub(1).map_or(Some(0), |before| self.ends.get(before).copied());
         let end = self.ends.get(nth).copied();

@@ -1,5 +1,7 @@
 //! The way from a request to a problem: which syntax the template has, and the module that renders it.
 
+use std::fs::File;
+
 use super::request::{ProblemError, Request, Syntax};
 use super::{Generated, Streamed, empty_goal, goal, marker, minijinja, unchecked};
 use crate::formats::pddl::Dialect;
@@ -25,7 +27,7 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
     Ok(generated)
 }
 
-/// Makes the problem without holding it, and checks it against a domain if one is given. Nothing comes back where the problem
+/// Makes the problem without holding it, in `file` if there is one, and checks it against a domain if one is given. Nothing comes back where the problem
 /// may be wrong or odd, or where the template is of a kind that is not made in this way: [`generate`] is for these.
 ///
 /// # Errors
@@ -35,12 +37,13 @@ pub fn stream(
     memory: &Memory,
     domain: Option<&Domain>,
     dialect: Dialect,
+    file: Option<File>,
 ) -> Result<Option<Streamed>, ProblemError> {
     match read(request)? {
         (_, Syntax::Marker) => Ok(None),
         _ if unchecked::may_have_slashes(request) => Ok(None),
         (goal, _) => {
-            let streamed = minijinja::stream(request, goal.as_deref(), memory, domain, dialect)?;
+            let streamed = minijinja::stream(request, goal.as_deref(), memory, (domain, dialect), file)?;
             // Where its goal or metric is empty, a remark says where and why.
             Ok(streamed.and_then(|mut streamed| (!streamed.has_empty_part()).then_some(streamed)))
         }

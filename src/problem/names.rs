@@ -30,7 +30,7 @@ pub(super) fn is_inner(text: &str) -> bool {
 
 /// Whether the text might be taken for a mangled name, in any case of letters.
 pub(super) fn looks_mangled(text: &str) -> bool {
-    text.as_bytes().windows(OPEN.len()).any(|window| window.eq_ignore_ascii_case(OPEN.as_bytes()))
+    text.as_bytes().windows(OPEN.len()).any(|window| matches!(window, [b'x' | b'X', b'-', b'-']))
 }
 
 /// The words that make an expression of what follows, wherever a name could stand.

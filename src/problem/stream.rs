@@ -4,6 +4,7 @@
 //! cannot be told without knowing where its parts come from, the stream is doubtful: it ends, and the problem is made again as
 //! a [`Generated`](super::Generated), whose complaints are exact.
 
+use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
@@ -24,7 +25,9 @@ const IN_MEMORY: usize = 8 << 20;
 const RENDERED: usize = 64 << 10;
 const PIECES: usize = 16 << 10;
 /// How many parts may wait for this.
-const WAITING: usize = 4;
+const WAITING: usize = 16;
+/// After how many bytes a given file is sent to the disk.
+const FLUSHED: usize = 2 << 20;
 
 /// A problem that was made without being held, and what was asked for it.
 #[derive(Debug)]
@@ -37,26 +40,83 @@ pub struct Streamed {
     pub respelled: Vec<String>,
     /// Whether a goal was given that nothing of what was rendered used.
     pub is_goal_unused: bool,
-    pub(super) file: SpooledTempFile,
+    pub(super) file: Place,
+}
+
+/// Where a problem is written.
+#[derive(Debug)]
+pub(super) enum Place {
+    /// In a file that is only ours.
+    Temporary(SpooledTempFile),
+    /// In the file that was asked for, and how many bytes of it are not on their way to the disk yet.
+    Given(File, usize),
+}
+
+impl Place {
+    fn new(file: Option<File>) -> Self {
+        match file {
+            Some(file) => Self::Given(file, 0),
+            None => Self::Temporary(spooled_tempfile_in(IN_MEMORY, std::env::temp_dir())),
+        }
+    }
+
+    fn write(&mut self, text: &str) -> io::Result<()> {
+        match self {
+            Self::Temporary(file) => file.write_all(text.as_bytes()),
+            Self::Given(file, open) => {
+                file.write_all(text.as_bytes())?;
+                *open += text.len();
+                if *open < FLUSHED {
+                    return Ok(());
+                }
+                // What is on the disk by the end needs not be waited for then.
+                *open = 0;
+                file.sync_data()
+            }
+        }
+    }
+
+    fn read_from(&mut self, place: SeekFrom, bytes: &mut Vec<u8>) -> io::Result<()> {
+        match self {
+            Self::Temporary(file) => file.seek(place).and_then(|_| file.read_to_end(bytes)),
+            Self::Given(file, _) => file.seek(place).and_then(|_| file.read_to_end(bytes)),
+        }
+        .map(|_| ())
+    }
+
+    fn length(&mut self) -> io::Result<u64> {
+        match self {
+            Self::Temporary(file) => file.seek(SeekFrom::End(0)),
+            Self::Given(file, _) => file.seek(SeekFrom::End(0)),
+        }
+    }
 }
 
 impl Streamed {
+    /// Whether it is in the file that was given for it.
+    #[must_use]
+    pub fn is_in_place(&self) -> bool {
+        matches!(self.file, Place::Given(..))
+    }
+
     /// Writes the PDDL text.
     ///
     /// # Errors
     /// Where the temporary file cannot be read, or `out` fails.
     pub fn copy_to(&mut self, out: &mut dyn Write) -> io::Result<()> {
-        self.file.rewind()?;
-        io::copy(&mut self.file, out).map(|_| ())
+        match &mut self.file {
+            Place::Temporary(file) => file.rewind().and_then(|()| io::copy(file, out)),
+            Place::Given(file, _) => file.rewind().and_then(|()| io::copy(file, out)),
+        }
+        .map(|_| ())
     }
 
     /// Whether the metric, or where a section matched nothing the goal, is near the end and empty.
     pub(super) fn has_empty_part(&mut self) -> bool {
         let mut tail = Vec::new();
-        let mut read = || -> io::Result<usize> {
-            let length = self.file.seek(SeekFrom::End(0))?;
-            self.file.seek(SeekFrom::Start(length.saturating_sub(empty_goal::TAIL as u64)))?;
-            self.file.read_to_end(&mut tail)
+        let mut read = || -> io::Result<()> {
+            let start = self.file.length()?.saturating_sub(empty_goal::TAIL as u64);
+            self.file.read_from(SeekFrom::Start(start), &mut tail)
         };
         if read().is_err() {
             return false;
@@ -107,8 +167,8 @@ enum PieceKind {
 
 impl Stream {
     /// Begins a problem, which is checked if there is a domain.
-    pub(super) fn new(template: &Texts, domain: Option<&Domain>) -> Self {
-        Self { rendered: Rendered::default(), worker: Worker::Here(Box::new(Writer::new(template, domain))) }
+    pub(super) fn new(template: &Texts, domain: Option<&Domain>, file: Option<File>) -> Self {
+        Self { rendered: Rendered::default(), worker: Worker::Here(Box::new(Writer::new(template, domain, file))) }
     }
 
     /// Adds text.
@@ -148,7 +208,7 @@ impl Stream {
     }
 
     /// Ends the problem; gives the file with its text.
-    pub(super) fn finish(self, domain: Option<&Domain>, dialect: Dialect) -> Result<SpooledTempFile, Doubtful> {
+    pub(super) fn finish(self, domain: Option<&Domain>, dialect: Dialect) -> Result<Place, Doubtful> {
         let mut writer = match self.worker {
             Worker::Here(writer) => writer,
             Worker::Beside { parts, thread } => {
@@ -200,21 +260,27 @@ struct Writer {
     assembler: Assembler,
     /// The check against a domain.
     screen: Option<Screen>,
-    file: SpooledTempFile,
+    file: Place,
 }
 
 impl Writer {
-    fn new(template: &Texts, domain: Option<&Domain>) -> Self {
-        let file = spooled_tempfile_in(IN_MEMORY, std::env::temp_dir());
+    fn new(template: &Texts, domain: Option<&Domain>, file: Option<File>) -> Self {
+        let file = Place::new(file);
         Self { assembler: Assembler::without_notes(template), screen: domain.map(Screen::new), file }
     }
 
     /// Makes a part into the problem.
     fn take(&mut self, part: &Rendered) -> Result<(), Doubtful> {
-        for (text, kind) in part.iter() {
+        let mut pieces = part.iter().peekable();
+        while let Some((text, kind)) = pieces.next() {
             match kind {
                 PieceKind::Text => self.assembler.text(text).map_err(|_| Doubtful)?,
-                PieceKind::Name => self.assembler.plain_value(text, false),
+                PieceKind::Name => {
+                    let next = pieces.peek().filter(|(_, kind)| *kind == PieceKind::Text).map_or("", |(next, _)| next);
+                    if !self.assembler.whole_value(text, next).map_err(|_| Doubtful)? {
+                        self.assembler.plain_value(text, false);
+                    }
+                }
                 PieceKind::Number => self.assembler.plain_value(text, true),
                 PieceKind::Goal => self.assembler.goal(text, Span::default()).map_err(|_| Doubtful)?,
             }
@@ -229,13 +295,13 @@ impl Writer {
             screen.read(text)?;
         }
         // Without room for a temporary file, the problem is made in memory.
-        self.file.write_all(text.as_bytes()).map_err(|_| Doubtful)?;
+        self.file.write(text).map_err(|_| Doubtful)?;
         text.clear();
         Ok(())
     }
 
     /// Ends the problem; gives the file with its text.
-    fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<SpooledTempFile, Doubtful> {
+    fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<Place, Doubtful> {
         self.assembler.flush().map_err(|_| Doubtful)?;
         self.write()?;
         if let (Some(screen), Some(domain)) = (self.screen, domain) {
@@ -253,7 +319,7 @@ mod tests {
     /// The text of a problem of so many atoms, made part by part, and at once; nothing where it is doubtful.
     fn made(atoms: usize, last: &str) -> (Option<String>, Option<String>) {
         let texts = Texts::new(&Source::new("t", ""), []);
-        let (mut stream, mut assembler) = (Stream::new(&texts, None), Assembler::without_notes(&texts));
+        let (mut stream, mut assembler) = (Stream::new(&texts, None, None), Assembler::without_notes(&texts));
         let mut add = |before: &str, value: &str, number: bool| {
             assembler.plain_value(value, number);
             let _ = assembler.text(before);
@@ -265,9 +331,9 @@ mod tests {
         }
         added = added.and_then(|()| add(")", last, false));
         let streamed = added.and_then(|()| stream.finish(None, Dialect::default())).ok().map(|mut file| {
-            let mut text = String::new();
-            file.rewind().and_then(|()| file.read_to_string(&mut text)).unwrap();
-            text
+            let mut bytes = Vec::new();
+            file.read_from(SeekFrom::Start(0), &mut bytes).unwrap();
+            String::from_utf8(bytes).unwrap()
         });
         (streamed, assembler.finish().ok().map(|assembled| assembled.text))
     }
@@ -286,7 +352,7 @@ mod tests {
         // Two names differ in case only.
         for atoms in [1, 20_000] {
             let texts = Texts::new(&Source::new("t", ""), []);
-            let mut stream = Stream::new(&texts, None);
+            let mut stream = Stream::new(&texts, None, None);
             let mut add = |value: &str| stream.value(value, false).and_then(|()| stream.text(" (on "));
             let added = add("box").and_then(|()| add("Box"));
             let added = added.and_then(|()| (0..atoms).try_for_each(|nth| add(&format!("b{nth}"))));

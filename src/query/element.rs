@@ -9,6 +9,16 @@ use bson::{RawBsonRef, RawDocument};
 #[must_use]
 pub fn field<'a>(document: &'a RawDocument, name: &str) -> Option<RawBsonRef<'a>> {
     let Element { type_code, value, .. } = Elements::new(document).find(name.as_bytes())?;
+    decode(document, name, type_code, value)
+}
+
+/// Returns the value of a field of the document itself, whose type and bytes are known.
+pub(super) fn decode<'a>(
+    document: &'a RawDocument,
+    name: &str,
+    type_code: u8,
+    value: &'a [u8],
+) -> Option<RawBsonRef<'a>> {
     Some(match type_code {
         0x01 => RawBsonRef::Double(f64::from_le_bytes(value.try_into().ok()?)),
         0x02 => RawBsonRef::String(string(value)?),
@@ -108,7 +118,7 @@ impl<'a> Element<'a> {
 }
 
 /// Returns the number of bytes of a value that the given bytes begin with.
-fn length(type_code: u8, bytes: &[u8]) -> Option<usize> {
+pub(super) fn length(type_code: u8, bytes: &[u8]) -> Option<usize> {
     Some(match type_code {
         0x06 | 0x0A | 0x7F | 0xFF => 0,
         0x08 => 1,

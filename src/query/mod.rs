@@ -33,6 +33,7 @@ mod random;
 mod ranking;
 mod regex;
 mod reshape;
+mod row;
 mod series;
 mod sort;
 mod spill;
@@ -60,6 +61,7 @@ pub use pipeline::{
     Description, Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match,
 };
 pub use projection::Projection;
+pub use row::Row;
 pub use sort::Sort;
 pub use spill::{Spill, Spool};
 pub use update::{Update, prepare};

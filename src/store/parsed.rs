@@ -59,10 +59,13 @@ impl Parsed {
                 Box::new(sorted.map(|document| Ok(document?)))
             }
         };
-        let chosen = ordered.skip(self.skip).take(self.limit);
+        let chosen: Documents<'_> = match (self.skip, self.limit) {
+            (0, usize::MAX) => ordered,
+            (skip, limit) => Box::new(ordered.skip(skip).take(limit)),
+        };
         let (now, filter) = (DateTime::now(), self.filter);
         Ok(match self.projection {
-            None => Box::new(chosen),
+            None => chosen,
             Some(projection) => Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))),
         })
     }

@@ -7,7 +7,7 @@ use rmem::formats::pddl::Dialect;
 use rmem::formats::{Diagnostic, Source, Span, shell};
 use rmem::memory::Memory;
 use rmem::pddl::Domain;
-use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names};
+use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names, stream};
 use rmem::query::Collation;
 use rmem::store::embedded::Embedded;
 use rmem::store::{
@@ -54,6 +54,74 @@ fn made(template: &str, documents: Vec<Document>) -> Generated {
 
 fn text(template: &str, documents: Vec<Document>) -> String {
     made(template, documents).text
+}
+
+/// The text of a problem that is written while it is rendered; nothing where it has to be rendered again.
+fn streamed(template: &str, documents: Vec<Document>) -> Option<String> {
+    let made = stream(&request(template), &memory(documents), None, Dialect::default(), None).expect(template);
+    made.map(|mut made| {
+        let mut bytes = Vec::new();
+        made.copy_to(&mut bytes).expect("read");
+        String::from_utf8(bytes).expect("text")
+    })
+}
+
+#[test]
+fn a_loop_over_keys_is_written_as_the_engine_writes_it() {
+    let documents = || {
+        vec![
+            doc! { "_id": 1, "name": "box 1", "n": 5, "f": 2.0, "on": true, "p": { "x-y": 3_i64 }, "l": [1], "z": Bson::Null },
+            doc! { "on": false, "_id": ObjectId::from_bytes([7; 12]), "l": [], "p": { "x_y": -2.5 }, "name": "", "n": 0, "f": 1e21,
+            "z": DateTime::from_millis(1) },
+            doc! { "_id": "c", "name": "Not", "n": 1_i64 << 40, "f": 0.1, "on": true, "p": { "x_y": "a" }, "l": [[]], "z": {}, "long-name": 1 },
+        ]
+    };
+    let text = |template: &str| generate(&request(template), &memory(documents())).map(|made| made.text).ok();
+    let loops = [
+        "(at {{ r.name }} {{r.n}}) {{- r.f -}} x{{ r.on }}",
+        "{% if r.on %} a{{ r._id }}{% elif r.l %}l{% else %}\n{{- r.p.x_y }}{%- endif %} ;",
+        "{#- a note -#} {% if not r.z or r.name == 'Not' and r.n %}({{ r.name }}-I){% endif +%}\n",
+        "{% if r.n != 'x' %}O{{ r.n }}{% endif %}?{{ r.name }} ",
+    ];
+    for (nth, body) in loops.iter().enumerate() {
+        for around in [
+            "{L}",
+            "{% macro m() %}{L}{% endmacro %}{{ m() }} {{ m() }}",
+            "{% set v %}{L}{% endset %}{{ v }}",
+            "{% filter upper %}{L}{% endfilter %}",
+            "{% for s in query('robmem.worldmodel') %}{{ s.name|upper }} {L}{% endfor %}",
+        ] {
+            let template = around
+                .replace("{L}", &format!("a {{%- for r in query('robmem.worldmodel') -%}} {body} {{%- endfor %}} b"));
+            assert!(text(&template).is_some(), "{nth} {template}");
+            assert_eq!(streamed(&template, documents()), text(&template), "{nth} {template}");
+        }
+    }
+    // What is wrong in a row is told by the engine.
+    for (nth, wrong) in [
+        "{{ r.z }}",
+        "{{ r.l }}",
+        "{{ r.p }}",
+        "{{ r.no }}",
+        "{{ r.long_name }}",
+        "{% if r.no %}{% endif %}",
+        "{{ r.p.x_y.z }}",
+        "{{ r.n.z }}",
+    ]
+    .iter()
+    .enumerate()
+    {
+        let template = format!("{{% for r in query('robmem.worldmodel') %}}{wrong} {{% endfor %}}");
+        assert_eq!((streamed(&template, documents()), text(&template)), (None, None), "{nth} {template}");
+    }
+    let template = "{% for r in query('robmem.worldmodel') %}{{ r._robmem_info.inserted|number }}{% endfor %}";
+    assert_eq!((streamed(template, documents()), text(template)), (None, None));
+    let marked = || vec![doc! { "name": "a\u{fdd0}0\u{fdd1}" }];
+    for body in ["{{ r.name }}", "{% if r.name %}x{% endif %}", "{% if r.name == 'x' %}x{% endif %}"] {
+        let template = format!("{{% for r in query('robmem.worldmodel') %}}{body}{{% endfor %}}");
+        assert_eq!(streamed(&template, marked()), None);
+        assert!(complaint(&template, marked()).contains("U+FDD0"), "{}", complaint(&template, marked()));
+    }
 }
 
 fn complaint(template: &str, documents: Vec<Document>) -> String {

@@ -65,8 +65,17 @@ impl NameSet {
     /// Returns the number of a name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<usize> {
-        let known = self.guess(name);
-        known.or_else(|| self.slot(name, self.hash(name)).ok().inspect(|number| self.remember(RECENT - 1, *number)))
+        self.guess(name).or_else(|| self.look(name))
+    }
+
+    /// Returns the number of a name that was added in this very spelling.
+    #[must_use]
+    pub fn find_exact(&self, name: &str) -> Option<usize> {
+        self.guess(name).or_else(|| self.look(name).filter(|number| self.bytes(*number) == Some(name.as_bytes())))
+    }
+
+    fn look(&self, name: &str) -> Option<usize> {
+        self.slot(name, self.hash(name)).ok().inspect(|number| self.remember(RECENT - 1, *number))
     }
 
     /// The number of a name that is one of those that were found last, or the next after one of them.
@@ -190,6 +199,7 @@ mod tests {
         }
         assert_eq!(names.add("nAME7"), Err(7));
         assert_eq!((names.find("NAME999"), names.find("name1000")), (Some(999), None));
+        assert_eq!((names.find_exact("NAME999"), names.find_exact("Name7")), (None, Some(7)));
         assert_eq!((names.get(0), names.get(999), names.get(1000)), (Some("Name0"), Some("Name999"), None));
         assert_eq!(names.len(), 1000);
     }

@@ -14,6 +14,7 @@ use super::compared::Compared;
 use super::direct::{Direct, lock};
 use super::instrument::Numbered;
 use super::pieces::{Piece, is_cut, is_marked, may_be_marked, pieces};
+use super::plan::Plan;
 use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
@@ -35,6 +36,8 @@ pub(super) struct Context {
     is_placed: AtomicBool,
     /// The numbered places whose text is written as it is.
     written: HashSet<usize>,
+    /// The loops that are written without the engine.
+    pub(super) plans: Vec<Arc<Plan>>,
     pub(super) looked: Arc<Looked>,
     pub(super) compared: Compared,
     failure: Mutex<Option<StoreError>>,
@@ -89,7 +92,7 @@ pub(super) fn invalid(message: impl Into<String>) -> Error {
 
 impl Context {
     pub(super) fn new(asker: Asker, numbered: Numbered) -> Self {
-        let Numbered { sites, written, compared, .. } = numbered;
+        let Numbered { sites, written, compared, plans, .. } = numbered;
         Self {
             asker,
             sites,
@@ -97,6 +100,7 @@ impl Context {
             is_next: AtomicBool::new(false),
             is_placed: AtomicBool::new(false),
             written,
+            plans: plans.into_iter().map(Arc::new).collect(),
             looked: Arc::default(),
             compared: Compared::new(compared),
             failure: Mutex::default(),

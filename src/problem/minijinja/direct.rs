@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use minijinja::{Error, ErrorKind, Output};
@@ -26,6 +26,8 @@ pub(super) struct Direct {
     /// Whether the engine wrote nothing, which it does when it is tried.
     is_tried: AtomicBool,
     is_doubtful: AtomicBool,
+    /// How many steps were made without the engine.
+    steps: AtomicU64,
 }
 
 #[derive(Debug)]
@@ -61,6 +63,7 @@ impl Direct {
             under_way: Mutex::new(UnderWay { stream: Some(stream), kept: Kept::default() }),
             is_tried: AtomicBool::new(false),
             is_doubtful: AtomicBool::new(false),
+            steps: AtomicU64::new(0),
         }
     }
 
@@ -76,12 +79,30 @@ impl Direct {
         under_way.stream.take().filter(|_| is_whole).ok_or(Doubtful)
     }
 
-    /// Adds a value or the goal.
-    pub(super) fn emit(&self, text: &str, number: bool, goal: bool, out: &mut Output<'_>) -> Result<(), Error> {
+    /// Whether the engine writes directly to the problem, and collects nothing.
+    pub(super) fn is_straight(&self, out: &mut Output<'_>) -> Result<bool, Error> {
         self.is_tried.store(false, Ordering::Relaxed);
         out.write_str("")?;
+        Ok(self.is_tried.load(Ordering::Relaxed))
+    }
+
+    /// Adds to the problem, where the engine collects nothing.
+    pub(super) fn straight(&self, add: impl FnOnce(&mut Stream) -> Result<(), Doubtful>) -> Result<(), Doubtful> {
         let mut under_way = lock(&self.under_way);
-        if self.is_tried.load(Ordering::Relaxed) {
+        let UnderWay { stream, kept } = &mut *under_way;
+        stream.as_mut().filter(|_| kept.open.is_empty() && !self.is_doubtful()).ok_or(Doubtful).and_then(add)
+    }
+
+    /// Counts steps that were made without the engine; returns how many there were.
+    pub(super) fn count(&self, steps: u64) -> u64 {
+        self.steps.fetch_add(steps, Ordering::Relaxed) + steps
+    }
+
+    /// Adds a value or the goal.
+    pub(super) fn emit(&self, text: &str, number: bool, goal: bool, out: &mut Output<'_>) -> Result<(), Error> {
+        let is_straight = self.is_straight(out)?;
+        let mut under_way = lock(&self.under_way);
+        if is_straight {
             let UnderWay { stream, kept } = &mut *under_way;
             let added = match stream.as_mut().filter(|_| kept.open.is_empty()) {
                 Some(stream) if goal => stream.goal(text),
@@ -138,7 +159,8 @@ impl Direct {
         Ok(())
     }
 
-    fn doubt(&self) -> Error {
+    /// The error that ends the rendering, since nothing comes of it.
+    pub(super) fn doubt(&self) -> Error {
         self.is_doubtful.store(true, Ordering::Relaxed);
         Error::new(ErrorKind::InvalidOperation, "the problem is doubtful")
     }

@@ -63,7 +63,8 @@ impl Documents {
         Some(count)
     }
 
-    fn cursor(&self) -> Cursor {
+    /// Goes through them from the first one.
+    pub(super) fn cursor(&self) -> Cursor {
         Cursor {
             context: Arc::clone(&self.context),
             namespace: Arc::clone(&self.namespace),
@@ -99,7 +100,8 @@ impl Object for Documents {
     }
 }
 
-struct Cursor {
+/// A way through the documents of a query.
+pub(super) struct Cursor {
     context: Arc<Context>,
     namespace: Arc<Namespace>,
     /// What is to be asked at the first step.
@@ -117,6 +119,29 @@ struct Cursor {
 impl Cursor {
     /// The next document: its page, and its place there.
     fn advance(&mut self) -> Result<Option<(Arc<Page>, usize)>, Error> {
+        Ok(self.turn()?.then(|| {
+            self.take(1);
+            (Arc::clone(&self.ready), self.next - 1)
+        }))
+    }
+
+    /// The next documents: their page, and the place of the first one there. All are taken.
+    pub(super) fn advance_page(&mut self) -> Result<Option<(Arc<Page>, usize)>, Error> {
+        Ok(self.turn()?.then(|| {
+            let first = self.next;
+            self.take(self.ready.batch.len() - first);
+            (Arc::clone(&self.ready), first)
+        }))
+    }
+
+    fn take(&mut self, documents: usize) {
+        self.next += documents;
+        self.taken += documents as u64;
+        self.tally.reach(self.taken);
+    }
+
+    /// Fetches documents if there is none ready; returns whether there is one.
+    fn turn(&mut self) -> Result<bool, Error> {
         if let Some(selection) = self.open.take() {
             let ns = self.namespace.as_ref().clone();
             let question = match selection {
@@ -134,13 +159,7 @@ impl Cursor {
             let page = Page::new(documents, &self.namespace);
             (self.ready, self.next) = (page, 0);
         }
-        if self.next == self.ready.batch.len() {
-            return Ok(None);
-        }
-        self.next += 1;
-        self.taken += 1;
-        self.tally.reach(self.taken);
-        Ok(Some((Arc::clone(&self.ready), self.next - 1)))
+        Ok(self.next < self.ready.batch.len())
     }
 }
 

@@ -13,6 +13,8 @@ use super::context::{Context, Tally, invalid};
 use super::documents::{Documents, Selection};
 use super::join::join;
 use super::method;
+use super::plan::ROWS;
+use super::rows::Rows;
 use super::signature;
 use super::value::{Other, from_bson};
 use crate::problem::answer::{Answer, Question};
@@ -112,6 +114,13 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
         shared.set_site(site);
         value
     });
+    if !context.plans.is_empty() {
+        let shared = Arc::clone(context);
+        environment.add_function(ROWS, move |plan: usize, documents: Value| {
+            let plan = shared.plans.get(plan).cloned().ok_or_else(|| invalid("there is no such loop"))?;
+            Ok(Value::from_object(Rows { plan, documents }))
+        });
+    }
     casing::register(environment, context);
     compare::register(environment, context);
     let shared = Arc::clone(context);

@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, HashSet};
 use super::compared::Side;
 use super::comparisons::comparisons;
 use super::fixed::Fixed;
+use super::plan::{Plan, Planned, ROWS, plan};
 use super::tags::{TagKind, tags};
 use super::value::{CLOSE, OPEN};
 use crate::formats::Span;
@@ -34,6 +35,8 @@ pub(super) struct Numbered {
     pub(super) written: HashSet<usize>,
     /// Stretches of fixed text.
     pub(super) texts: Vec<Span>,
+    /// Loops that are written without the engine.
+    pub(super) plans: Vec<Plan>,
     /// The two sides of each comparison, by its site.
     pub(super) compared: BTreeMap<usize, (Side, Side)>,
 }
@@ -45,36 +48,42 @@ pub(super) struct Instrumented {
     pub(super) text: String,
     /// The offset of the original among the texts.
     base: usize,
-    /// Where text was inserted, as offsets of the result, and how much.
-    inserted: Vec<(usize, usize)>,
+    /// Where text was inserted or left out, as offsets of the result, how much was inserted, and how much left out.
+    changed: Vec<(usize, usize, usize)>,
 }
 
 impl Instrumented {
     /// The original offset, among the texts, of an offset in the result.
     pub(super) fn original(&self, offset: usize) -> usize {
-        let mut shift = 0;
-        for (at, length) in &self.inserted {
+        let (mut inserted, mut left_out) = (0, 0);
+        for (at, length, without) in &self.changed {
             if offset < at + length {
-                return self.base + offset.min(*at) - shift;
+                return self.base + left_out + offset.min(*at) - inserted;
             }
-            shift += length;
+            inserted += length;
+            left_out += without;
         }
-        self.base + offset - shift
+        self.base + left_out + offset - inserted
     }
 
     /// Whether the offset of the result is in what was inserted.
     pub(super) fn is_inserted(&self, offset: usize) -> bool {
-        self.inserted.iter().any(|(at, length)| (*at..at + length).contains(&offset))
+        self.changed.iter().any(|(at, length, _)| (*at..at + length).contains(&offset))
     }
 
     fn insert(&mut self, text: &str) {
-        self.inserted.push((self.text.len(), text.len()));
+        self.replace(0, text);
+    }
+
+    /// Inserts text in place of so many bytes of the original.
+    fn replace(&mut self, length: usize, text: &str) {
+        self.changed.push((self.text.len(), text.len(), length));
         self.text.push_str(text);
     }
 }
 
 /// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts. Without `is_noted`,
-/// only calls get their place.
+/// only calls get their place, and loops that need no engine get a plan instead.
 pub(super) fn instrument(
     template: &str,
     base: usize,
@@ -85,6 +94,8 @@ pub(super) fn instrument(
     let mut result = Instrumented { base, ..Instrumented::default() };
     let Fixed { stretches, written } = if is_noted { Fixed::of(template, all) } else { Fixed::default() };
     let mut stretches = stretches.into_iter().peekable();
+    // A template with a macro of that name would be called instead.
+    let is_planned = !is_noted && !all.iter().any(|text| text.contains(ROWS));
     let mut offset = 0;
     let mut text = |span: Span, numbered: &mut Numbered, result: &mut Instrumented| {
         let stretch = stretches.next_if(|stretch| stretch.start < span.end);
@@ -96,8 +107,17 @@ pub(super) fn instrument(
         }
         result.text.push_str(&template[at..span.end]);
     };
-    for tag in tags(template) {
+    let mut all_tags = tags(template);
+    while let Some(tag) = all_tags.next() {
+        if tag.span.start < offset {
+            continue;
+        }
         text(Span::new(offset, tag.span.start), numbered, &mut result);
+        if is_planned && let Some(planned) = plan(template, &tag, all_tags.clone()) {
+            offset = planned.end;
+            planned_loop(template, tag.span, planned, numbered, &mut result);
+            continue;
+        }
         if written.contains(&tag.span.start) {
             numbered.written.insert(numbered.sites.len());
         }
@@ -113,6 +133,16 @@ pub(super) fn instrument(
     }
     text(Span::new(offset, template.len()), numbered, &mut result);
     result
+}
+
+/// `{% for r in query(…) %}…{% endfor %}` to `{{ _rows(n, query(…)) }}`.
+fn planned_loop(template: &str, head: Span, planned: Planned, numbered: &mut Numbered, result: &mut Instrumented) {
+    let Planned { plan, documents, trims, end } = planned;
+    let mark = |is_trimmed: bool| if is_trimmed { "-" } else { "" };
+    result.replace(documents.start - head.start, &format!("{{{{{} {ROWS}({}, ", mark(trims.0), numbered.plans.len()));
+    calls(template, documents, numbered, result);
+    result.replace(end - documents.end, &format!(") {}}}}}", mark(trims.1)));
+    numbered.plans.push(plan);
 }
 
 /// `{{ x }}` to `{{( x )|_at(n)}}`.

@@ -21,12 +21,15 @@ mod limits;
 mod method;
 mod mistake;
 mod pieces;
+mod plan;
+mod rows;
 mod signature;
 mod source_lines;
 mod tags;
 mod value;
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -52,6 +55,7 @@ use function::register;
 pub(super) use instrument::PLACED;
 use mistake::explain;
 use pieces::{Piece, bracketed, pieces};
+use rows::Rows;
 use source_lines::SourceLines;
 pub(super) use tags::references;
 use value::from_bson;
@@ -94,12 +98,12 @@ pub(super) fn stream(
     request: &Request,
     goal: Option<&str>,
     memory: &Memory,
-    domain: Option<&Domain>,
-    dialect: Dialect,
+    (domain, dialect): (Option<&Domain>, Dialect),
+    file: Option<File>,
 ) -> Result<Option<Streamed>, ProblemError> {
     let (files, numbered) = Files::read(request, false)?;
     let (asker, answerer) = answer::pair();
-    let stream = Stream::new(&files.texts, domain);
+    let stream = Stream::new(&files.texts, domain, file);
     let context = Arc::new(Context::streaming(asker, numbered, stream));
     let variables = Variables::of(request, goal);
     let is_goal_used = Arc::clone(&variables.is_goal_used);
@@ -236,6 +240,9 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     let shared = Arc::clone(context);
     let goal = variables.values.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
     environment.set_formatter(move |out, _, value| {
+        if let Some((rows, direct)) = value.downcast_object_ref::<Rows>().zip(shared.direct.as_ref()) {
+            return rows.write(&shared, direct, out);
+        }
         let written = shared.take_written();
         if let Some(joined) = shared.joined(value) {
             return shared.emit_joined(&joined, out);

@@ -54,7 +54,7 @@ impl<'a> Tag<'a> {
 }
 
 /// The tags of a template, in order.
-pub(super) fn tags(template: &str) -> impl Iterator<Item = Tag<'_>> {
+pub(super) fn tags(template: &str) -> impl Iterator<Item = Tag<'_>> + Clone {
     let mut offset = 0;
     std::iter::from_fn(move || {
         let start = next_tag(template, offset)?;

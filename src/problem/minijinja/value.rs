@@ -1,5 +1,6 @@
 //! Documents as values of the template environment, read where they lie.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::fmt;
@@ -103,8 +104,9 @@ impl Looked {
     /// The keys of the document that was looked at last.
     pub(super) fn keys(&self) -> Vec<String> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let entries = last.iter().flat_map(|(page, nth)| page.batch.get(*nth).iter()).filter_map(Result::ok);
-        entries.map(|(key, _)| key.as_str().to_owned()).collect()
+        let Some((page, nth)) = last.as_ref() else { return Vec::new() };
+        let keys = page.batch.get(*nth).iter().filter_map(Result::ok).map(|(key, _)| key.as_str().to_owned());
+        keys.filter(|key| !page.batch.hides(key)).collect()
     }
 
     /// What names the document that was looked at last, where it has one of the keys in an expression.
@@ -164,8 +166,7 @@ pub(super) struct Doc {
 
 impl fmt::Debug for Doc {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let document = Document::try_from(self.raw()).unwrap_or_default();
-        f.write_str(&shell::relaxed(&document))
+        f.write_str(&shell::relaxed(&self.document().unwrap_or_default()))
     }
 }
 
@@ -179,16 +180,39 @@ impl Doc {
         self.inner.as_deref().unwrap_or_else(|| self.page.batch.get(self.nth))
     }
 
+    /// Whether the template does not see a key.
+    fn hides(&self, key: &str) -> bool {
+        self.inner.is_none() && self.page.batch.hides(key)
+    }
+
+    /// The entries that the template sees.
+    fn entries(&self) -> impl Iterator<Item = (&str, RawBsonRef<'_>)> {
+        let entries = self.raw().iter().filter_map(Result::ok).map(|(key, value)| (key.as_str(), value));
+        entries.filter(|(key, _)| !self.hides(key))
+    }
+
+    /// What the template sees.
+    fn seen(&self) -> Option<Cow<'_, RawDocument>> {
+        match self.hides(metadata::INFO) {
+            true => Some(Cow::Owned(metadata::hide(self.raw().to_owned()).ok()?)),
+            false => Some(Cow::Borrowed(self.raw())),
+        }
+    }
+
     /// The value of a key that differs from this one only in hyphens and underscores.
     fn alike(&self, key: &str) -> Option<RawBsonRef<'_>> {
-        let mut entries = self.raw().iter().filter_map(Result::ok);
-        let (found, value) = entries.find(|(name, _)| is_alike(name.as_str(), key))?;
-        self.looked.respelled.add(key, found.as_str());
+        let (found, value) = self.entries().find(|(name, _)| is_alike(name, key))?;
+        self.looked.respelled.add(key, found);
         Some(value)
     }
 
     fn document(&self) -> Result<Document, Error> {
-        Document::try_from(self.raw()).map_err(|error| Error::new(ErrorKind::InvalidOperation, error.to_string()))
+        let mut document = Document::try_from(self.raw())
+            .map_err(|error| Error::new(ErrorKind::InvalidOperation, error.to_string()))?;
+        if self.hides(metadata::INFO) {
+            document.remove(metadata::INFO);
+        }
+        Ok(document)
     }
 
     fn convert(&self, value: RawBsonRef<'_>) -> Value {
@@ -223,7 +247,10 @@ impl Object for Doc {
         if self.page.namespace.is_some() {
             self.looked.at(&self.page, self.nth);
         }
-        let value = field(self.raw(), key).or_else(|| self.alike(key)).map(|value| self.convert(value));
+        let value = field(self.raw(), key)
+            .filter(|_| !self.hides(key))
+            .or_else(|| self.alike(key))
+            .map(|value| self.convert(value));
         if value.is_none() {
             self.looked.miss(self, key);
         }
@@ -231,13 +258,12 @@ impl Object for Doc {
     }
 
     fn enumerate(self: &Arc<Self>) -> Enumerator {
-        let keys = self.raw().iter().filter_map(Result::ok).map(|(key, _)| Value::from(key.as_str()));
-        Enumerator::Values(keys.collect())
+        Enumerator::Values(self.entries().map(|(key, _)| Value::from(key)).collect())
     }
 
     fn custom_cmp(self: &Arc<Self>, other: &DynObject) -> Option<Ordering> {
         let other = other.downcast_ref::<Self>()?;
-        Some(self.raw().as_bytes().cmp(other.raw().as_bytes()))
+        Some(self.seen()?.as_bytes().cmp(other.seen()?.as_bytes()))
     }
 }
 
