@@ -131,7 +131,9 @@ mod tests {
             let pending = Pending::begin(&path).unwrap();
             pending.file().write_all(b"one").unwrap();
             if is_finished {
-                pending.finish().unwrap();
+                pending.finish().unwrap()
+            } else {
+                drop(pending)
             }
             assert_eq!(
                 (path.exists(), fs::read_dir(folder.path()).unwrap().count()),
