@@ -38,6 +38,8 @@ pub(super) struct Context {
     written: HashSet<usize>,
     /// The loops that are written without the engine.
     pub(super) plans: Vec<Arc<Plan>>,
+    /// What one of them goes through, where that ended the rendering.
+    pub(super) stopped: Mutex<Option<Span>>,
     pub(super) looked: Arc<Looked>,
     pub(super) compared: Compared,
     failure: Mutex<Option<StoreError>>,
@@ -101,6 +103,7 @@ impl Context {
             is_placed: AtomicBool::new(false),
             written,
             plans: plans.into_iter().map(Arc::new).collect(),
+            stopped: Mutex::default(),
             looked: Arc::default(),
             compared: Compared::new(compared),
             failure: Mutex::default(),

@@ -142,7 +142,8 @@ fn planned_loop(template: &str, head: Span, planned: Planned, numbered: &mut Num
     result.replace(documents.start - head.start, &format!("{{{{{} {ROWS}({}, ", mark(trims.0), numbered.plans.len()));
     calls(template, documents, numbered, result);
     result.replace(end - documents.end, &format!(") {}}}}}", mark(trims.1)));
-    numbered.plans.push(plan);
+    let documents = Span::new(result.base + documents.start, result.base + documents.end);
+    numbered.plans.push(Plan { documents, ..plan });
 }
 
 /// `{{ x }}` to `{{( x )|_at(n)}}`.

@@ -3,6 +3,8 @@
 use minijinja::value::Rest;
 use minijinja::{Environment, Error, ErrorKind, State, Value, filters};
 
+/// How many steps of the engine a template may take: enough for millions of documents.
+pub(super) const FUEL: u64 = 500_000_000;
 /// The greatest width and count: as many as the engine's own `range` has members at most.
 const MAX: i64 = 100_000;
 /// The longest text that `replace` makes, in bytes.

@@ -3,6 +3,7 @@
 use minijinja::{Error, ErrorKind};
 
 use super::context::Context;
+use super::direct::lock;
 use super::files::Files;
 use super::hint::Mistake;
 use super::{blocks, hint};
@@ -67,7 +68,7 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         let around = context.sites.iter().filter(|site| site.start <= start && start <= site.end);
         span = around.min_by_key(|site| site.end - site.start).copied().unwrap_or(span);
     }
-    let span = context.compared.refused().unwrap_or(span);
+    let span = context.compared.refused().or(*lock(&context.stopped)).unwrap_or(span);
     let span = Span::new(span.start.saturating_sub(base), span.end.saturating_sub(base));
     let span = if is_bare_undefined(innermost) { joined(template.text(), span) } else { span };
     if let Some(failure) = context.failure() {

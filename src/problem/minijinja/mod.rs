@@ -60,8 +60,6 @@ use source_lines::SourceLines;
 pub(super) use tags::references;
 use value::from_bson;
 
-/// How many steps of the engine a template may take: enough for millions of documents.
-const FUEL: u64 = 500_000_000;
 /// How deep macros may call each other.
 const RECURSION: usize = 200;
 /// The stack of the thread that renders, for that depth.
@@ -228,7 +226,7 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     let mut environment = Environment::new();
     environment.set_debug(true);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    environment.set_fuel(Some(FUEL));
+    environment.set_fuel(Some(limits::FUEL));
     environment.set_recursion_limit(RECURSION);
     let mut syntax = minijinja::syntax::SyntaxConfig::builder();
     environment.set_syntax(syntax.keep_trailing_newline(true).build()?);

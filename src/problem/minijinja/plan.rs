@@ -27,6 +27,8 @@ pub(super) struct Plan {
     /// The keys of the document that are looked at, each once.
     pub(super) keys: Vec<String>,
     pub(super) steps: Vec<Step>,
+    /// Where what is gone through is written, among the texts.
+    pub(super) documents: Span,
 }
 
 #[derive(Debug, PartialEq, Eq)]
@@ -107,7 +109,7 @@ pub(super) fn plan<'t>(template: &'t str, tag: &Tag<'t>, tags: impl Iterator<Ite
     let end = body.tags.next().filter(|end| end.word() == "endfor")?;
     let inside = Inside::of(&end).filter(|inside| inside.code == "endfor")?;
     Some(Planned {
-        plan: Plan { steps, ..body.plan },
+        plan: Plan { steps, documents: Span::default(), ..body.plan },
         documents: Span::new(from, from + documents.len()),
         trims: (head.trims.0, inside.trims.1),
         end: end.span.end,

@@ -7,10 +7,10 @@ use bson::{Bson, RawBsonRef, RawDocument};
 use minijinja::value::{Object, ObjectRepr, Value};
 use minijinja::{Error, ErrorKind, Output};
 
-use super::FUEL;
 use super::context::Context;
-use super::direct::Direct;
+use super::direct::{Direct, lock};
 use super::documents::Documents;
+use super::limits::FUEL;
 use super::pieces::may_be_marked;
 use super::plan::{Condition, Path, Plan, Step};
 use super::value::{CLOSE, OPEN, Page};
@@ -36,6 +36,10 @@ impl Object for Rows {
 impl Rows {
     /// Writes all of it.
     pub(super) fn write(&self, context: &Context, direct: &Direct, out: &mut Output<'_>) -> Result<(), Error> {
+        self.write_all(context, direct, out).inspect_err(|_| *lock(&context.stopped) = Some(self.plan.documents))
+    }
+
+    fn write_all(&self, context: &Context, direct: &Direct, out: &mut Output<'_>) -> Result<(), Error> {
         // The name of the function may be one of the template's own.
         let documents = self.documents.downcast_object_ref::<Documents>().ok_or_else(|| direct.doubt())?;
         let is_straight = direct.is_straight(out)?;
