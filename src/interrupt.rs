@@ -1,13 +1,19 @@
 //! Ctrl-C: ends the process at once, unless something has to be cleaned up first.
 
 use std::cell::Cell;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Whether the user interrupted the process.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// How many guards there are.
 static GUARDS: AtomicUsize = AtomicUsize::new(0);
+
+/// Files that are not finished.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 thread_local! {
     /// Whether long work of stores in this thread ends early where the user interrupts it.
@@ -20,10 +26,36 @@ pub(crate) fn stops_work() -> bool {
 }
 
 /// Notes an interruption. Returns whether the process should end at once: it should not while a guard lives,
-/// unless the user interrupts again.
+/// unless the user interrupts again. Where it should, unfinished files are removed.
 pub fn received() -> bool {
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
-    again || GUARDS.load(Ordering::SeqCst) == 0
+    let ends = again || GUARDS.load(Ordering::SeqCst) == 0;
+    if ends {
+        // One that has taken the place of its target by now is not there any more.
+        unfinished(|files| files.iter().for_each(|path| drop(fs::remove_file(path))));
+    }
+    ends
+}
+
+fn unfinished(work: impl FnOnce(&mut Vec<PathBuf>)) {
+    work(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+/// While it lives, an interruption that ends the process removes its file.
+#[derive(Debug)]
+pub(crate) struct Unfinished(PathBuf);
+
+impl Unfinished {
+    pub(crate) fn new(path: &Path) -> Self {
+        unfinished(|files| files.push(path.to_owned()));
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        unfinished(|files| files.retain(|path| *path != self.0));
+    }
 }
 
 /// While it lives, an interruption only sets a flag; its holder looks at the flag, cleans up and ends.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::error::Result;
+use crate::interrupt::Unfinished;
 use crate::process::litter;
 
 /// Writes beside the target and renames. Devices and pipes are written directly;
@@ -32,6 +33,8 @@ pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -
 #[derive(Debug)]
 pub struct Pending {
     file: NamedTempFile,
+    /// Until the file has gone or taken the place of its target.
+    _unfinished: Unfinished,
     target: PathBuf,
     existing: Option<fs::Metadata>,
 }
@@ -67,7 +70,7 @@ impl Pending {
         }
         let unnamed = |error: io::Error| io::Error::from(error.kind());
         let file = builder.tempfile_in(folder).map_err(unnamed)?;
-        Ok(Self { file, target, existing })
+        Ok(Self { _unfinished: Unfinished::new(file.path()), file, target, existing })
     }
 
     /// What is to be written.

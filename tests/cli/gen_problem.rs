@@ -643,3 +643,19 @@ fn text_that_is_collected_is_written_as_often_as_the_template_says() {
     let run = lab.rmem(&["gen-problem", "--template", "twice.j2"]);
     assert_eq!(run.stdout, "(x--box_201--x x--box_201--x)\n(A x--box_201--x)\n\n", "{}", run.stderr);
 }
+
+#[test]
+fn an_interrupted_problem_leaves_nothing_beside_its_file() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write("many.jsonl", &(0..2_000).map(|n| format!("{{\"n\": {n}}}\n")).collect::<String>());
+    lab.rmem(&["insert", "a.b", "--file", "many.jsonl"]).success();
+    let query = "in query('a.b')";
+    lab.write(
+        "long.j2",
+        &format!("{{% for r {query} %}}{{% for s {query} %}}({{{{ s.n }}}}){{% endfor %}}{{% endfor %}}"),
+    );
+    let script = "mkdir out; rmem gen-problem --template long.j2 -o out/problem.pddl &
+                  until ls -A out | grep -q .; do sleep 0.01; done; kill -INT $!; wait $!";
+    lab.shell(script).exits(130);
+    assert_eq!(lab.shell("ls -A out").success(), "");
+}
