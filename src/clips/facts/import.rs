@@ -1,6 +1,7 @@
 //! Facts to documents.
 
 use std::borrow::Cow;
+use std::mem::discriminant;
 
 use bson::{Bson, Document, doc};
 
@@ -164,12 +165,24 @@ fn value(slot: &str, values: &[Value], multiple: bool, record: &mut Record) -> B
 }
 
 fn array(slot: &str, values: &[Value], record: &mut Record) -> Vec<Bson> {
-    let is_symbol_too = |text: &str| values.iter().any(|value| matches!(value, Value::Symbol(other) if other == text));
     let single = |(place, value)| {
-        let label = |text: &str| if is_symbol_too(text) { by_place(slot, place) } else { by_text(slot, text) };
+        let is_another = |other: &Value, text: &str| {
+            discriminant(other) != discriminant(value) && in_document(other).is_some_and(|other| other == text)
+        };
+        let is_ambiguous = |text: &str| values.iter().any(|other| is_another(other, text));
+        let label = |text: &str| if is_ambiguous(text) { by_place(slot, place) } else { by_text(slot, text) };
         single(&label, value, record)
     };
     values.iter().enumerate().map(single).collect()
+}
+
+/// The text that a value is in a document, where it is one.
+fn in_document(value: &Value) -> Option<Cow<'_, str>> {
+    match value {
+        Value::Symbol(text) | Value::Text(text) => Some(text.into()),
+        Value::Instance(name) => Some(format!("[{name}]").into()),
+        Value::Integer(_) | Value::Float(_) => None,
+    }
 }
 
 /// The value, of which is noted by its label what a document would lose.

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! A value of a multislot goes by the slot's name, a blank and its text, so that it is found where the array has
-//! changed; where the multislot has the same text also as a symbol, by its place from 0 instead of its text.
+//! changed; where the multislot has the same text also as a value of another type, by its place from 0 instead of its text.
 
 use std::collections::{BTreeMap, BTreeSet};
 
