@@ -261,7 +261,7 @@ pub trait Store: Send {
         Ok(())
     }
 
-    /// Whether documents that may be stored could be in a collection for a moment without anybody noticing: no index would
+    /// Whether documents that may be stored could be in a collection for a moment with no visible effect: no index would
     /// refuse or remove them, strings compare byte by byte, and no [`Store::watch`] gets computed documents.
     fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {
         let _ = ns;
