@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bson::{Bson, doc};
-use rmem::store::{Embedded, Find, Namespace, Role, Store as _, StoreError, StoreUri, open};
+use rmem::store::{Embedded, Find, Index, Namespace, Role, Store as _, StoreError, StoreUri, open};
 
 fn blocks() -> Namespace {
     Namespace::parse("robmem.blocks").unwrap()
@@ -113,6 +113,32 @@ fn a_damaged_file_is_an_error_and_no_crash() {
     let shortened =
         Embedded::open(&path).and_then(|store| store.find(&blocks(), &Find::default())?.collect::<Result<Vec<_>, _>>());
     assert!(shortened.is_err_and(|error| error.to_string().contains("is damaged")));
+}
+
+#[test]
+fn a_damaged_page_of_an_index_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.rmem");
+    let store = Embedded::open(&path).unwrap();
+    store.insert(&blocks(), (0..2_000).map(|n| doc! { "_id": n, "name": format!("block {n}") }).collect()).unwrap();
+    store.create_index(&blocks(), &Index::on(doc! { "name": 1 })).unwrap();
+    drop(store);
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Leaves of indexes (SQLite's documentation, "Database File Format", section 1.6): behind a header of 8 bytes, each cell
+    // has two bytes that say where it is; those of one cell now point to before all cells.
+    for page in
+        bytes.chunks_exact_mut(4_096).filter(|page| page[0] == 0x0A && u16::from_be_bytes([page[3], page[4]]) > 20)
+    {
+        page[8 + 20..8 + 22].copy_from_slice(&9_u16.to_be_bytes());
+    }
+    std::fs::write(&path, bytes).unwrap();
+    let store = Embedded::open(&path).unwrap();
+    // A page that was read before is looked at again: the second answer is no other than the first.
+    for n in (0..2_000).chain(0..2_000) {
+        let find = Find { filter: doc! { "name": format!("block {n}") }, ..Find::default() };
+        let found = store.find(&blocks(), &find).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+        assert!(found.is_err() || found.unwrap().len() == 1, "block {n}");
+    }
 }
 
 #[test]

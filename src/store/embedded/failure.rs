@@ -40,6 +40,11 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
     StoreError::Failed { address: place.to_string(), reason }
 }
 
+/// Whether SQLite found the file damaged.
+pub(super) fn is_damage(error: &Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)
+}
+
 fn unreachable(place: &Place, reason: String) -> StoreError {
     StoreError::Unreachable { address: place.to_string(), reason }
 }

@@ -309,6 +309,8 @@ fn tune(connection: &Connection) -> rusqlite::Result<()> {
     be_durable(connection, true)?;
     connection.pragma_update(None, "journal_size_limit", 64 << 20)?;
     connection.pragma_update(None, "cache_size", -(32 << 10))?;
+    // A damaged page of an index is rather noticed than read wrongly.
+    connection.pragma_update(None, "cell_size_check", "ON")?;
     connection.pragma_update(None, "trusted_schema", "OFF")
 }
 

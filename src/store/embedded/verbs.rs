@@ -355,6 +355,10 @@ impl Embedded {
     }
 
     pub(super) fn explain(&self, error: &rusqlite::Error) -> StoreError {
+        if failure::is_damage(error) {
+            // SQLite checks a page when it is read: a damaged one that stays in memory is not checked again.
+            let _ = self.connection.execute_batch("PRAGMA shrink_memory");
+        }
         failure::explain(&self.place, error)
     }
 
