@@ -11,9 +11,10 @@ use super::{Context, UsageError, explanation, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, shell};
+use crate::memory::Memory;
 use crate::output::Format;
 use crate::pddl::Domain;
-use crate::problem::{self, SectionReport};
+use crate::problem::{self, Request, SectionReport, Streamed};
 use crate::settings::Origin;
 
 /// Generate a PDDL problem from a template with queries
@@ -68,18 +69,8 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     // Where only the text is asked for, it is written as it is made.
     if args.explain.is_none()
         && (is_file || !is_json)
-        && let pending = context.output.begin_file(&args.output)
-        && let file = pending.as_ref().and_then(|pending| pending.file().try_clone().ok())
-        && let Some(mut streamed) = problem::stream(&request, &memory, domain.as_ref(), dialect, file)?
+        && let Some(streamed) = write_as_made(args, &request, &memory, domain.as_ref(), context)?
     {
-        report(&Asked::from(&streamed), &memory, context);
-        if args.options.strict {
-            require(&streamed.sections)?;
-        }
-        match pending.filter(|_| streamed.is_in_place()) {
-            Some(pending) => context.output.finish_file(&args.output, pending)?,
-            None => context.output.write_with(&args.output, |out| Ok(streamed.copy_to(out)?))?,
-        }
         if is_json {
             context.output.line(&shell::pretty(&Bson::Document(summary(&streamed.sections, None))))?;
         }
@@ -118,6 +109,29 @@ fn keep(output: &Path, mut sources: impl Iterator<Item = PathBuf>) -> Result<(),
         }
         None => Ok(()),
     }
+}
+
+/// Writes the problem while it is made, where it can be: not where anything is wrong with it, or odd.
+fn write_as_made(
+    args: &GenProblemArgs,
+    request: &Request,
+    memory: &Memory,
+    domain: Option<&Domain>,
+    context: &mut Context<'_>,
+) -> Result<Option<Streamed>> {
+    let dialect = Dialect { lenient: args.options.lenient };
+    let pending = context.output.begin_file(&args.output);
+    let file = pending.as_ref().and_then(|pending| pending.file().try_clone().ok());
+    let Some(mut streamed) = problem::stream(request, memory, domain, dialect, file)? else { return Ok(None) };
+    report(&Asked::from(&streamed), memory, context);
+    if args.options.strict {
+        require(&streamed.sections)?;
+    }
+    match pending.filter(|_| streamed.is_in_place()) {
+        Some(pending) => context.output.finish_file(&args.output, pending)?,
+        None => context.output.write_with(&args.output, |out| Ok(streamed.copy_to(out)?))?,
+    }
+    Ok(Some(streamed))
 }
 
 /// The text of a problem, and what the sections of its template matched.

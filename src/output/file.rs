@@ -13,20 +13,38 @@ use crate::process::litter;
 /// Writes beside the target and renames. Devices and pipes are written directly;
 /// a symbolic link stays one; an existing file keeps its permissions. A memory is not replaced by text.
 pub(super) fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-    let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let existing = fs::metadata(&target).ok();
-    let special = existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir());
-    if special || path.starts_with("/dev/fd") || path.starts_with("/proc") {
+    let target = Target::find(path);
+    if target.is_direct {
         let mut out = BufWriter::new(OpenOptions::new().append(true).open(path)?);
         write(&mut out)?;
         return Ok(out.flush()?);
     }
-    let pending = Pending::beside(target, existing)?;
+    let pending = Pending::beside(target)?;
     let mut out = BufWriter::new(Unnamed(pending.file()));
     write(&mut out)?;
     out.flush()?;
     drop(out);
     Ok(pending.finish()?)
+}
+
+/// What is to be written.
+#[derive(Debug)]
+struct Target {
+    /// Where it is; a symbolic link was followed.
+    path: PathBuf,
+    existing: Option<fs::Metadata>,
+    /// Whether it is a device, a pipe or an open file, in whose place no other can be put.
+    is_direct: bool,
+}
+
+impl Target {
+    fn find(path: &Path) -> Self {
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let existing = fs::metadata(&target).ok();
+        let is_special = existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir());
+        let is_direct = is_special || path.starts_with("/dev/fd") || path.starts_with("/proc");
+        Self { path: target, existing, is_direct }
+    }
 }
 
 /// A file that is written beside its target, and takes its place when it is whole; else it goes.
@@ -35,28 +53,24 @@ pub struct Pending {
     file: NamedTempFile,
     /// Until the file has gone or taken the place of its target.
     _unfinished: Unfinished,
-    target: PathBuf,
-    existing: Option<fs::Metadata>,
+    target: Target,
 }
 
 impl Pending {
     /// Begins a file; nothing where that is no plain file, or cannot be written.
     pub(super) fn begin(path: &Path) -> Option<Self> {
-        let target: PathBuf = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let existing = fs::metadata(&target).ok();
-        let is_plain = existing.as_ref().is_none_or(fs::Metadata::is_file);
-        let is_plain = is_plain && !path.starts_with("/dev") && !path.starts_with("/proc");
-        is_plain.then(|| Self::beside(target, existing).ok()).flatten()
+        let target = Target::find(path);
+        (!target.is_direct).then(|| Self::beside(target).ok()).flatten()
     }
 
-    fn beside(target: PathBuf, existing: Option<fs::Metadata>) -> io::Result<Self> {
-        if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
+    fn beside(target: Target) -> io::Result<Self> {
+        if target.existing.as_ref().is_some_and(fs::Metadata::is_dir) {
             return Err(io::Error::from(io::ErrorKind::IsADirectory));
         }
-        if existing.is_some() && is_database(&target) {
+        if target.existing.is_some() && is_database(&target.path) {
             return Err(io::Error::other("it is a memory, or another SQLite database; name another file"));
         }
-        let folder = match target.parent() {
+        let folder = match target.path.parent() {
             Some(parent) if parent != Path::new("") => parent,
             _ => Path::new("."),
         };
@@ -70,7 +84,7 @@ impl Pending {
         }
         let unnamed = |error: io::Error| io::Error::from(error.kind());
         let file = builder.tempfile_in(folder).map_err(unnamed)?;
-        Ok(Self { _unfinished: Unfinished::new(file.path()), file, target, existing })
+        Ok(Self { _unfinished: Unfinished::new(file.path()), file, target })
     }
 
     /// What is to be written.
@@ -81,11 +95,11 @@ impl Pending {
 
     /// Puts the file in the place of its target.
     pub(super) fn finish(self) -> io::Result<()> {
-        if let Some(existing) = self.existing {
+        if let Some(existing) = self.target.existing {
             self.file.as_file().set_permissions(existing.permissions())?;
         }
         self.file.as_file().sync_all()?;
-        self.file.persist(&self.target).map_err(|error| error.error)?;
+        self.file.persist(&self.target.path).map_err(|error| error.error)?;
         Ok(())
     }
 }

@@ -5,7 +5,7 @@
 //! a [`Generated`](super::Generated), whose complaints are exact.
 
 use std::fs::File;
-use std::io::{self, Read as _, Seek as _, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
@@ -52,6 +52,11 @@ pub(super) enum Place {
     Given(File, usize),
 }
 
+/// A file that is written, and read again.
+trait Contents: Read + Write + Seek {}
+
+impl<T: Read + Write + Seek> Contents for T {}
+
 impl Place {
     fn new(file: Option<File>) -> Self {
         match file {
@@ -60,35 +65,40 @@ impl Place {
         }
     }
 
+    fn contents(&mut self) -> &mut dyn Contents {
+        match self {
+            Self::Temporary(file) => file,
+            Self::Given(file, _) => file,
+        }
+    }
+
     fn write(&mut self, text: &str) -> io::Result<()> {
-        match self {
-            Self::Temporary(file) => file.write_all(text.as_bytes()),
-            Self::Given(file, open) => {
-                file.write_all(text.as_bytes())?;
-                *open += text.len();
-                if *open < FLUSHED {
-                    return Ok(());
-                }
-                // What is on the disk by the end needs not be waited for then.
-                *open = 0;
-                file.sync_data()
-            }
+        self.contents().write_all(text.as_bytes())?;
+        let Self::Given(file, open) = self else { return Ok(()) };
+        *open += text.len();
+        if *open < FLUSHED {
+            return Ok(());
         }
+        // What is on the disk by the end needs not be waited for then.
+        *open = 0;
+        file.sync_data()
     }
 
-    fn read_from(&mut self, place: SeekFrom, bytes: &mut Vec<u8>) -> io::Result<()> {
-        match self {
-            Self::Temporary(file) => file.seek(place).and_then(|_| file.read_to_end(bytes)),
-            Self::Given(file, _) => file.seek(place).and_then(|_| file.read_to_end(bytes)),
-        }
-        .map(|_| ())
+    /// Writes all of it to `out`.
+    fn copy_to(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        let contents = self.contents();
+        contents.rewind()?;
+        io::copy(contents, out).map(|_| ())
     }
 
-    fn length(&mut self) -> io::Result<u64> {
-        match self {
-            Self::Temporary(file) => file.seek(SeekFrom::End(0)),
-            Self::Given(file, _) => file.seek(SeekFrom::End(0)),
-        }
+    /// Its last bytes, of which there are no more than `most`.
+    fn tail(&mut self, most: u64) -> io::Result<Vec<u8>> {
+        let contents = self.contents();
+        let length = contents.seek(SeekFrom::End(0))?;
+        contents.seek(SeekFrom::Start(length.saturating_sub(most)))?;
+        let mut tail = Vec::new();
+        contents.read_to_end(&mut tail)?;
+        Ok(tail)
     }
 }
 
@@ -104,23 +114,12 @@ impl Streamed {
     /// # Errors
     /// Where the temporary file cannot be read, or `out` fails.
     pub fn copy_to(&mut self, out: &mut dyn Write) -> io::Result<()> {
-        match &mut self.file {
-            Place::Temporary(file) => file.rewind().and_then(|()| io::copy(file, out)),
-            Place::Given(file, _) => file.rewind().and_then(|()| io::copy(file, out)),
-        }
-        .map(|_| ())
+        self.file.copy_to(out)
     }
 
     /// Whether the metric, or where a section matched nothing the goal, is near the end and empty.
     pub(super) fn has_empty_part(&mut self) -> bool {
-        let mut tail = Vec::new();
-        let mut read = || -> io::Result<()> {
-            let start = self.file.length()?.saturating_sub(empty_goal::TAIL as u64);
-            self.file.read_from(SeekFrom::Start(start), &mut tail)
-        };
-        if read().is_err() {
-            return false;
-        }
+        let Ok(tail) = self.file.tail(empty_goal::TAIL as u64) else { return false };
         let tail = String::from_utf8_lossy(&tail);
         let is_goal_empty = || empty_goal::find(&tail).is_some();
         let is_unmatched = self.sections.iter().any(|section| section.matched == 0);
@@ -332,7 +331,7 @@ mod tests {
         added = added.and_then(|()| add(")", last, false));
         let streamed = added.and_then(|()| stream.finish(None, Dialect::default())).ok().map(|mut file| {
             let mut bytes = Vec::new();
-            file.read_from(SeekFrom::Start(0), &mut bytes).unwrap();
+            file.copy_to(&mut bytes).unwrap();
             String::from_utf8(bytes).unwrap()
         });
         (streamed, assembler.finish().ok().map(|assembled| assembled.text))

@@ -15,7 +15,7 @@ use super::direct::{Direct, lock};
 use super::instrument::Numbered;
 use super::pieces::{Piece, is_cut, is_marked, may_be_marked, pieces};
 use super::plan::Plan;
-use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson};
+use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson, write_double};
 use crate::formats::{Source, Span, shell};
 use crate::problem::answer::{Answer, Asker, Question};
 use crate::problem::assembly::Emitted;
@@ -292,8 +292,11 @@ impl Context {
             ValueKind::Number if value.is_integer() => Ok((value.to_string().into(), true)),
             ValueKind::Number => match f64::try_from(value.clone())? {
                 number if !number.is_finite() => Err(invalid("NaN and infinity are no numbers in PDDL")),
-                number if number.fract() == 0.0 => Ok((format!("{number:.1}").into(), true)),
-                number => Ok((number.to_string().into(), true)),
+                number => {
+                    let mut text = String::new();
+                    write_double(&mut text, number).map_err(|_| ErrorKind::WriteFailure)?;
+                    Ok((text.into(), true))
+                }
             },
             ValueKind::None => Err(invalid("null has no name in PDDL; test with `is none` first")),
             ValueKind::Undefined => Err(Error::new(ErrorKind::UndefinedError, "there is no such value")),

@@ -13,7 +13,7 @@ use super::documents::Documents;
 use super::limits::FUEL;
 use super::pieces::may_be_marked;
 use super::plan::{Condition, Path, Plan, Step};
-use super::value::{CLOSE, OPEN, Page};
+use super::value::{CLOSE, OPEN, Page, write_double};
 use crate::formats::{Respelled, is_alike};
 use crate::pddl::Doubtful;
 use crate::problem::stream::Stream;
@@ -211,9 +211,7 @@ impl Writer<'_> {
             RawBsonRef::ObjectId(id) => return target.value(&id.to_hex(), false),
             RawBsonRef::Int32(value) => write!(number, "{value}"),
             RawBsonRef::Int64(value) => write!(number, "{value}"),
-            RawBsonRef::Double(value) if !value.is_finite() => return Err(Doubtful),
-            RawBsonRef::Double(value) if value.fract() == 0.0 => write!(number, "{value:.1}"),
-            RawBsonRef::Double(value) => write!(number, "{value}"),
+            RawBsonRef::Double(value) if value.is_finite() => write_double(number, value),
             _ => return Err(Doubtful),
         };
         written.map_err(|_| Doubtful)?;

@@ -27,6 +27,11 @@ pub(super) const CLOSE: char = '\u{FDD1}';
 /// How deep a value may nest that goes into a query.
 const MAX_DEPTH: usize = 100;
 
+/// Writes a finite number as PDDL spells it: with a point.
+pub(super) fn write_double(out: &mut impl fmt::Write, number: f64) -> fmt::Result {
+    if number.fract() == 0.0 { write!(out, "{number:.1}") } else { write!(out, "{number}") }
+}
+
 /// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
 /// does not distinguish from those of 32.
 #[derive(Debug, Default)]
