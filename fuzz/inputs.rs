@@ -227,9 +227,18 @@ pub(crate) fn query(bytes: &[u8]) {
     }
 }
 
-/// A message of MongoDB's wire protocol; what is read is answered.
+/// A document, which is decoded as the library decodes it where it is acceptable.
+fn decoded(bytes: &[u8]) {
+    let Ok(raw) = RawDocument::from_bytes(bytes) else { return };
+    let expected = query::check(raw).ok().and_then(|()| Document::try_from(raw).ok());
+    // NaN is printed as it is, and equals nothing.
+    assert_eq!(format!("{:?}", query::decode(raw).ok()), format!("{expected:?}"));
+}
+
+/// A message of MongoDB's wire protocol; what is read is answered. And a document as in one.
 #[cfg(feature = "serve")]
 pub(crate) fn wire(bytes: &[u8]) {
+    decoded(bytes);
     let Ok(message) = rmem::serve::Message::parse(bytes) else { return };
     if let Ok(command) = &message.command
         && let Ok(raw) = bson::RawDocumentBuf::try_from(command)

@@ -66,6 +66,16 @@ impl<'a> Elements<'a> {
         Self { rest: document.as_bytes().get(4..).unwrap_or_default() }
     }
 
+    /// The elements in bytes that are nothing else.
+    pub(super) fn of(rest: &'a [u8]) -> Self {
+        Self { rest }
+    }
+
+    /// Whether no bytes are left.
+    pub(super) fn is_at_end(&self) -> bool {
+        self.rest.is_empty()
+    }
+
     /// Returns the first element of that name.
     pub(super) fn find(mut self, name: &[u8]) -> Option<Element<'a>> {
         loop {

@@ -10,6 +10,7 @@ mod bombs;
 pub mod collation;
 mod compare;
 mod decimal;
+mod decode;
 mod distinct;
 mod dollar;
 mod element;
@@ -49,6 +50,7 @@ mod zone;
 
 pub use collation::Collation;
 pub use compare::{compare, compare_values};
+pub use decode::decode;
 pub use distinct::Distinct;
 pub use element::{extent, field};
 pub use error::QueryError;

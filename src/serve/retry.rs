@@ -10,6 +10,7 @@ use super::access::RECORDS;
 use super::failure::{Failure, codes};
 use super::session::{Finished, Once, SessionId};
 use crate::memory::Memory;
+use crate::query::decode;
 use crate::store::{Find, Namespace, StoreError};
 
 /// How long it is kept: longer than a session lives.
@@ -66,7 +67,7 @@ pub(super) fn keep(memory: &Memory, ns: &Namespace, once: &Once, reply: &RawDocu
         "_id": once.session.to_bson(),
         "number": once.number,
         "at": DateTime::now(),
-        "reply": Document::try_from(&**reply)?,
+        "reply": decode(reply)?,
     };
     let records = records(ns);
     memory.bare(&records)?.put(&records, vec![record], None)?;

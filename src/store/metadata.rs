@@ -8,7 +8,7 @@ use bson::raw::{CStr, RawBsonRef, cstr};
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::request::UpdateSpec;
-use crate::query::{QueryError, extent};
+use crate::query::{QueryError, decode, extent};
 
 /// The key that metadata is under.
 pub const INFO: &str = "_robmem_info";
@@ -281,7 +281,7 @@ fn find(document: &RawDocument) -> Result<Option<(usize, usize)>, QueryError> {
 fn info(document: &RawDocument) -> Result<Document, QueryError> {
     match document.get(INFO)? {
         None => Ok(Document::new()),
-        Some(RawBsonRef::Document(info)) => Ok(Document::try_from(info)?),
+        Some(RawBsonRef::Document(info)) => decode(info),
         Some(_) => Err(not_a_document()),
     }
 }
@@ -296,7 +296,18 @@ fn own(info: &Document) -> Document {
 
 /// Whether two documents are the same but for their metadata.
 fn same(old: &RawDocument, new: &RawDocument) -> Result<bool, QueryError> {
-    Ok(hide(old.to_owned())?.as_bytes() == hide(new.to_owned())?.as_bytes())
+    let (old, new) = (beside(old)?, beside(new)?);
+    Ok(old == new || old.concat() == new.concat())
+}
+
+/// The bytes of the elements in front of the metadata and behind it.
+fn beside(document: &RawDocument) -> Result<[&[u8]; 2], QueryError> {
+    let bytes = document.as_bytes();
+    let (start, end) = match extent(document, INFO) {
+        Some(found) => found,
+        None => find(document)?.unwrap_or((bytes.len(), bytes.len())),
+    };
+    Ok([bytes.get(4..start).unwrap_or_default(), bytes.get(end..).unwrap_or_default()])
 }
 
 fn with_info(document: &RawDocument, info: &Document) -> Result<RawDocumentBuf, QueryError> {

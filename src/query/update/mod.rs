@@ -18,6 +18,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 
 use super::collation::during;
 use super::compare::equal_values;
+use super::decode::decode;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
@@ -26,7 +27,7 @@ use super::nesting::MAX_DEPTH;
 use super::reshape::Reshape;
 use apply::Application;
 use filters::ArrayFilters;
-use modifier::Modifier;
+use modifier::{Modifier, Segment};
 use outcome::{Effects, timestamp};
 
 /// The largest document, in bytes.
@@ -91,6 +92,13 @@ impl Update {
         matches!(self.form, Form::Replacement(_))
     }
 
+    /// Returns whether it looks at the place by which a document matched its filter.
+    #[must_use]
+    pub fn is_positional(&self) -> bool {
+        let Form::Operators(modifiers, _) = &self.form else { return false };
+        modifiers.iter().any(|modifier| modifier.path.contains(&Segment::Matched))
+    }
+
     /// Returns the changed document, or nothing where it counts as unmodified. `filter`
     /// is the one the document matched, for the positional `$`. As in MongoDB, a
     /// replacement without `_id`, a `$push` and a sum that is NaN count as modifications even
@@ -99,7 +107,7 @@ impl Update {
     /// # Errors
     /// If the update cannot be applied to this document.
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<Option<RawDocumentBuf>> {
-        let before = Document::try_from(document)?;
+        let before = decode(document)?;
         let id = before.get("_id").cloned();
         let touched;
         let after = match &self.form {
@@ -114,7 +122,7 @@ impl Update {
                 with_id(after, id.as_ref())
             }
             Form::Operators(modifiers, filters) => {
-                let position = filter.position(document.into(), now)?;
+                let position = if self.is_positional() { filter.position(document.into(), now)? } else { None };
                 let application = Application { filters, position, inserting: false, effects: Effects::new(now) };
                 let after = application.apply(modifiers, before)?;
                 touched = application.effects.touched.get();

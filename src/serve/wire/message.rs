@@ -7,7 +7,7 @@ use bson::{Bson, Document, RawDocument};
 use super::bytes::Bytes;
 use super::checksum::crc32c;
 use super::{HEADER, MAX_MESSAGE, OP_COMPRESSED, OP_MSG, OP_QUERY, WireError, compression};
-use crate::query::{QueryError, check};
+use crate::query::{QueryError, decode};
 
 /// OP_MSG: the message ends with a checksum.
 const CHECKSUM_PRESENT: u32 = 1;
@@ -189,12 +189,6 @@ fn sequence<'a>(bytes: &mut Bytes<'a>) -> Result<(&'a str, Vec<&'a RawDocument>)
         documents.push(inner.document()?);
     }
     Ok((name, documents))
-}
-
-/// A document that is well-formed, and not nested too deeply for anything that walks it.
-fn decode(raw: &RawDocument) -> Result<Document, QueryError> {
-    check(raw)?;
-    Ok(Document::try_from(raw)?)
 }
 
 #[cfg(test)]
