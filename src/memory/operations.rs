@@ -129,7 +129,10 @@ impl Memory {
     /// The same documents, perhaps with metadata that is to be hidden, and whether it is: for readers that look at single
     /// fields, and pass over it.
     pub(crate) fn find_to_hide(&self, ns: &Namespace, find: &Find) -> Result<(Documents<'_>, bool), StoreError> {
-        let documents = self.find_with_metadata(ns, &unseen::in_find(find))?;
+        let documents = match find.projection.is_empty() {
+            true => self.find_with_metadata(ns, find)?,
+            false => self.find_with_metadata(ns, &unseen::in_find(find))?,
+        };
         Ok((documents, !find.projection.keys().any(|key| is_metadata(key))))
     }
 
@@ -141,11 +144,11 @@ impl Memory {
         }
         self.answer(&[(ns, &find.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], &find.modifiers, view)? {
-                let find = Find { filter: unseen::in_filter(&find.filter), ..find.clone() };
+                let find = find.with_filter(unseen::in_filter(&find.filter));
                 return Ok(ready(extended.find(ns, &find)?));
             }
             let start = Instant::now();
-            let find = Find { filter: view.filter(&find.filter), ..find.clone() };
+            let find = find.with_filter(view.filter(&find.filter));
             settled(view, self.journal.watch("find", ns, start, self.read(ns, &find, view)?))
         })
     }
@@ -159,7 +162,7 @@ impl Memory {
         let (start, view) = (Instant::now(), self.computables.view(self.clock.now()));
         let found = store.find_chosen(ns, &mut || {
             let is_plain = self.needed(ns, &find.filter)?.is_empty();
-            Ok(is_plain.then(|| Find { filter: view.filter(&find.filter), ..find.clone() }))
+            Ok(is_plain.then(|| find.with_filter(view.filter(&find.filter))))
         })?;
         let Some(found) = found else { return Ok(None) };
         self.computables.forget_last();
@@ -170,7 +173,7 @@ impl Memory {
     /// computed is left out.
     pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let start = Instant::now();
-        let find = Find { filter: stored(self.clock.now(), &find.filter), ..find.clone() };
+        let find = find.with_filter(stored(self.clock.now(), &find.filter));
         let found = self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?);
         Ok(self.journal.counted(found))
     }
@@ -200,7 +203,7 @@ impl Memory {
                 }
                 return Ok(explanation);
             }
-            let find = Find { filter: view.filter(&find.filter), ..find.clone() };
+            let find = find.with_filter(view.filter(&find.filter));
             self.journal.note("explain", Some(ns), |_| 1, || self.routes.reading(ns)?.explain(ns, &find))
         })?;
         if self.registry(ns)?.iter().next().is_some() {
@@ -307,8 +310,14 @@ impl Memory {
 
     /// Changes documents; see [`Store::update`].
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let (filter, spec) = (self.visible(&update.filter), unseen::in_update(&update.update));
-        let update = UpdateRequest { filter, update: spec, ..update.clone() };
+        let update = UpdateRequest {
+            filter: self.visible(&update.filter),
+            update: unseen::in_update(&update.update),
+            array_filters: update.array_filters.clone(),
+            many: update.many,
+            upsert: update.upsert,
+            modifiers: update.modifiers.clone(),
+        };
         self.check_kept_update(ns, &update)?;
         let work = || {
             let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };

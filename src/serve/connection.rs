@@ -1,8 +1,8 @@
 //! A connection: messages in, answers out, one after the other.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Write as _};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use bson::raw::cstr;
@@ -148,6 +148,14 @@ impl Connection<'_> {
     }
 }
 
+/// The signature of the cluster's time: there is no other member that could verify it.
+static SIGNATURE: LazyLock<RawDocumentBuf> = LazyLock::new(|| {
+    rawdoc! {
+        "hash": Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![0; 20] },
+        "keyId": 0_i64,
+    }
+});
+
 /// The answer with what every one ends with.
 fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
     let mut reply = match answer {
@@ -162,11 +170,10 @@ fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
     };
     if form == Form::Msg {
         let now = server.clock.tick();
-        let signature = rawdoc! {
-            "hash": Binary { subtype: bson::spec::BinarySubtype::Generic, bytes: vec![0; 20] },
-            "keyId": 0_i64,
-        };
-        reply.append(cstr!("$clusterTime"), rawdoc! { "clusterTime": now, "signature": signature });
+        let mut time = RawDocumentBuf::new();
+        time.append(cstr!("clusterTime"), now);
+        time.append(cstr!("signature"), &**SIGNATURE);
+        reply.append(cstr!("$clusterTime"), time);
         reply.append(cstr!("operationTime"), now);
     }
     reply

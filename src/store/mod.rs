@@ -249,6 +249,12 @@ pub trait Store: Send {
         work().map(|()| false)
     }
 
+    /// Numbers of which one is another after every write, also of other processes, where they are known without asking: in
+    /// [`Store::find_chosen`], [`Store::at_one_moment`] and [`Store::atomically`].
+    fn state(&self) -> Option<(i64, u64)> {
+        None
+    }
+
     /// Runs operations that do not wait for the disk, where the store can: what they did may be lost with the power, the last
     /// of it first. Everything else holds as for others.
     fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {

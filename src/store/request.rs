@@ -76,6 +76,15 @@ pub struct Find {
     pub current: bool,
 }
 
+impl Find {
+    /// The same with another filter.
+    #[must_use]
+    pub fn with_filter(&self, filter: Document) -> Self {
+        let (sort, projection, modifiers) = (self.sort.clone(), self.projection.clone(), self.modifiers.clone());
+        Self { filter, sort, skip: self.skip, limit: self.limit, projection, modifiers, current: self.current }
+    }
+}
+
 /// Operators (or a replacement, which is a document without them), or a pipeline.
 #[derive(Debug, Clone)]
 pub enum UpdateSpec {

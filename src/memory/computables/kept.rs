@@ -3,7 +3,7 @@
 //! They are pipelines and builtins. A program is none of them: whoever writes to the memory would run programs on the
 //! machines of all who read it.
 //!
-//! A file is asked once in each operation whether they have changed, a server at most once a second.
+//! A file is asked at most once in each operation whether they have changed, a server at most once a second.
 
 use std::rc::Rc;
 use std::sync::LazyLock;
@@ -17,7 +17,7 @@ use super::registry::{Computable, Registry, Wrong, taken, wrong_message};
 use super::state::{Kept, Wanted};
 use crate::memory::Memory;
 use crate::query::QueryError;
-use crate::store::{Find, Namespace, StoreError, metadata};
+use crate::store::{Find, Namespace, Store, StoreError, metadata};
 
 /// Asks for all of them in the order in which they were added. Nearly every operation asks.
 static IN_ORDER: LazyLock<Find> =
@@ -38,8 +38,10 @@ impl Memory {
             return Ok(Rc::clone(declared));
         }
         let operation = self.computables.operation();
+        let state = self.routes.existing(ns)?.and_then(Store::state);
         let is_fresh = |kept: &&Kept| {
             operation.is_some() && kept.operation == operation
+                || state.is_some() && kept.state == state
                 || self.routes.is_on_server(ns) && kept.read.elapsed() < MOST_AGE
         };
         if let Some(kept) = self.computables.kept.borrow().get(&ns.database).filter(is_fresh) {
@@ -48,7 +50,7 @@ impl Memory {
         let records = self.records(&place(&ns.database))?;
         let mut all = self.computables.kept.borrow_mut();
         if let Some(kept) = all.get_mut(&ns.database).filter(|kept| kept.records == records) {
-            (kept.read, kept.operation) = (Instant::now(), operation);
+            (kept.read, kept.operation, kept.state) = (Instant::now(), operation, state);
             return Ok(Rc::clone(&kept.registry));
         }
         let registry = match records.is_empty() {
@@ -61,7 +63,7 @@ impl Memory {
         registry.elsewhere(ns).for_each(|message| self.computables.warn(message));
         all.insert(
             ns.database.clone(),
-            Kept { records, registry: Rc::clone(&registry), read: Instant::now(), operation },
+            Kept { records, registry: Rc::clone(&registry), read: Instant::now(), operation, state },
         );
         Ok(registry)
     }

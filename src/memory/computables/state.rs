@@ -65,6 +65,8 @@ pub(super) struct Kept {
     pub(super) read: Instant,
     /// In which operation they were read, if in one.
     pub(super) operation: Option<u64>,
+    /// The state of the store in which they were read; see [`crate::store::Store::state`].
+    pub(super) state: Option<(i64, u64)>,
 }
 
 /// A computable that a query needs.

@@ -19,7 +19,7 @@ impl Embedded {
         }
         let mut stored = Vec::with_capacity(count);
         let refusal = self.write(|| {
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let collection = self.ensure(ns)?;
             self.sweep_for(ns, collection, count)?;
             for document in documents {
                 let added = document::settle(document)

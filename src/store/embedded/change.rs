@@ -30,16 +30,20 @@ impl Embedded {
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
         let constants = constants(&request.modifiers.variables)?;
-        let change = Change::parse(request, timestamp, &constants)?;
-        self.bind_search(ns, &change.filter)?;
-        let (mut modified, mut upserted) = (0, None);
-        let most = if request.many { u64::MAX } else { 1 };
+        let mut change = Change::parse(request, timestamp, &constants)?;
         // The scan may simplify its own filter.
         let mut filter = Rc::new(Filter::parse_with_constants(&request.filter, &constants)?);
+        if change.update.is_positional() {
+            change.filter = Filter::parse_with_constants(&request.filter, &constants)?;
+            self.bind_search(ns, &change.filter)?;
+        }
+        let (mut modified, mut upserted) = (0, None);
+        let most = if request.many { u64::MAX } else { 1 };
         let matched = self.each_match(
             ns,
             &mut filter,
-            Selection { most, hint: request.modifiers.hint.as_ref(), is_sweeping: true },
+            // What rmem keeps for itself may be asked for after its time.
+            Selection { most, hint: request.modifiers.hint.as_ref(), is_sweeping: !ns.is_own() },
             &mut |collection, found| {
                 modified += u64::from(self.change_one(ns, collection, found, &change)?);
                 Ok(())
@@ -80,7 +84,7 @@ impl Embedded {
             body = metadata::upsert(&body, at)?;
         }
         let id = document::vet(&body)?;
-        let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+        let collection = self.ensure(ns)?;
         self.add(ns, collection, &id, &body)?;
         Ok(id)
     }
@@ -96,8 +100,10 @@ impl Embedded {
             return Ok(Put::default());
         }
         self.write(|| {
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
-            self.sweep(ns, collection)?;
+            let collection = self.ensure(ns)?;
+            if !ns.is_own() {
+                self.sweep(ns, collection)?;
+            }
             let mut done = Put::default();
             for document in documents {
                 self.put_one(ns, collection, document, timestamp, &mut done)?;
@@ -222,7 +228,8 @@ impl Embedded {
 
 /// A parsed update request.
 struct Change {
-    filter: Rc<Filter>,
+    /// By which a document matched, where the update looks at that; else an empty one.
+    filter: Filter,
     update: Update,
     now: DateTime,
     timestamp: Option<DateTime>,
@@ -243,7 +250,7 @@ impl Change {
         if request.many && update.is_replacement() {
             return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
-        let filter = Rc::new(Filter::parse_with_constants(&request.filter, constants)?);
+        let filter = Filter::parse(&Document::new())?;
         Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
     }
 

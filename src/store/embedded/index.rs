@@ -175,7 +175,7 @@ impl Embedded {
         }
         self.connection
             .execute("UPDATE indexes SET multikey = ? WHERE id = ?", params![(known | bits).cast_signed(), index.id])
-            .and_then(|_| collection.advance(&self.connection))
+            .and_then(|_| self.known.advance(&self.connection, collection))
             .map_err(|e| self.explain(&e))?;
         index.multikey.store(known | bits, Ordering::Relaxed);
         Ok(())
@@ -202,7 +202,7 @@ impl Embedded {
     pub(super) fn create(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
         check(index)?;
         self.write(|| {
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let collection = self.ensure(ns)?;
             let present = self.indexes_of(collection)?;
             let collation = of_ids(&present).and_then(|ids| ids.pattern.collation());
             let index = &stored(&index.clone().inheriting(collation))?;
@@ -223,7 +223,7 @@ impl Embedded {
             if self.collection(ns)?.is_some() {
                 return Ok(false);
             }
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let collection = self.ensure(ns)?;
             if let Some(collation) = collation.filter(|collation| !collation.is_simple()) {
                 let ids = Index { unique: true, ..Index::of_collated_ids(collation) };
                 self.make_index(ns, collection, &ids)?;
@@ -264,7 +264,7 @@ impl Embedded {
             self.connection.execute_batch(&sql).map_err(|e| self.explain(&e))?;
         }
         self.fill(ns, collection, &made)?;
-        collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+        self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
         let indexes = Arc::new(self.load_indexes(collection)?);
         self.indexes.set(collection, &indexes);
@@ -298,7 +298,7 @@ impl Embedded {
             let indexes = self.indexes_of(collection)?;
             let Some(index) = indexes.iter().find(|index| index.definition.name == name) else { return Ok(false) };
             self.forget_index(index)?;
-            collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+            self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
             Ok(true)
         })
     }
@@ -318,7 +318,7 @@ impl Embedded {
             let definition = RawDocumentBuf::try_from(&definition.definition()).map_err(QueryError::from)?;
             self.connection
                 .execute("UPDATE indexes SET definition = ? WHERE id = ?", params![definition.as_bytes(), index.id])
-                .and_then(|_| collection.advance(&self.connection))
+                .and_then(|_| self.known.advance(&self.connection, collection))
                 .map_err(|e| self.explain(&e))?;
             Ok(true)
         })

@@ -1,7 +1,7 @@
-//! The collections that read transactions looked up, remembered for the next ones.
+//! The collections that transactions looked up, remembered for the next ones.
 //!
 //! `PRAGMA data_version` changes with every commit of another connection, in this process or another one. As long as it is the same, and
-//! this store has written nothing, what was looked up is still so.
+//! this store has changed no collection itself, what was looked up is still so.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -19,13 +19,15 @@ const MOST: usize = 1_000;
 pub(super) struct Known {
     /// The version of the file that they are of.
     version: Cell<Option<i64>>,
-    /// Whether a read transaction is open in which the version was read.
+    /// Whether a transaction is open in which the version was read.
     is_open: Cell<bool>,
+    /// How often this store began to write.
+    writes: Cell<u64>,
     collections: RefCell<HashMap<Namespace, Option<Collection>>>,
 }
 
 impl Known {
-    /// Forgets what is out of date. In a read transaction that has begun, until [`Known::close`].
+    /// Forgets what is out of date. In a transaction that has begun, until [`Known::close`].
     pub(super) fn open(&self, connection: &Connection) -> Result<()> {
         let version = Some(version(connection)?);
         if self.version.replace(version) != version {
@@ -35,16 +37,40 @@ impl Known {
         Ok(())
     }
 
-    /// Says that the read transaction ends.
+    /// Says that the transaction ends.
     pub(super) fn close(&self) {
         self.is_open.set(false);
     }
 
-    /// Forgets everything: this store is about to write.
+    /// Counts a write of this store. Before it.
+    pub(super) fn count_write(&self) {
+        self.writes.set(self.writes.get() + 1);
+    }
+
+    /// Numbers of which one is another after every write; nothing where no transaction is open.
+    pub(super) fn state(&self) -> Option<(i64, u64)> {
+        let version = self.version.get().filter(|_| self.is_open.get());
+        version.map(|version| (version, self.writes.get()))
+    }
+
+    /// Forgets everything: this store has changed a collection, or took a change back.
     pub(super) fn forget(&self) {
-        self.is_open.set(false);
-        self.version.set(None);
         self.collections.borrow_mut().clear();
+    }
+
+    /// The collection of a name, created where there is none. In a write transaction only.
+    pub(super) fn ensure(&self, connection: &Connection, ns: &Namespace) -> Result<Collection> {
+        if let Some(known) = self.find(connection, ns)? {
+            return Ok(known);
+        }
+        self.forget();
+        Collection::ensure(connection, ns)
+    }
+
+    /// Notes that the indexes of a collection changed. In a write transaction only.
+    pub(super) fn advance(&self, connection: &Connection, collection: Collection) -> Result<()> {
+        self.forget();
+        collection.advance(connection)
     }
 
     /// The collection of a name, where there is one.
@@ -109,5 +135,55 @@ mod tests {
         });
         assert!(failed.is_err());
         assert_eq!(found(&new, 3), 0);
+        let made = Namespace::parse("a.d").unwrap();
+        let written = store.atomically(&mut || {
+            let failed = store.atomically(&mut || {
+                store.insert(&made, vec![doc! { "n": 4 }])?;
+                Err(store.fail("taken back alone"))
+            });
+            assert!(failed.is_err() && found(&made, 4) == 0, "a step that was taken back made no collection");
+            store.insert(&made, vec![doc! { "n": 5 }])?;
+            store.create_index(&made, &Index::on(doc! { "n": 1 }))?;
+            store.insert(&made, vec![doc! { "n": [5, 6] }])?;
+            assert_eq!((found(&made, 5), found(&made, 6)), (2, 1), "by the index of the transaction");
+            store.rename(&made, &ns)?;
+            assert_eq!((found(&made, 5), found(&ns, 5)), (0, 2));
+            store.insert(&made, vec![doc! { "n": 6 }]).map(drop)
+        });
+        assert!(written.is_ok());
+        assert_eq!((found(&made, 6), found(&ns, 6)), (1, 1));
+    }
+
+    #[test]
+    fn the_state_is_another_after_every_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let (store, other) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
+        let ns = Namespace::parse("a.b").unwrap();
+        let state = || {
+            let mut state = None;
+            let chosen = store.find_chosen(&ns, &mut || {
+                state = store.state();
+                Ok(None)
+            });
+            assert!(chosen.unwrap().is_none() && state.is_some() && store.state().is_none());
+            state
+        };
+        let mut seen = vec![state()];
+        assert_eq!(state(), seen[0], "nothing was written");
+        for writer in [&store, &other, &store] {
+            writer.insert(&ns, vec![doc! {}]).unwrap();
+            seen.push(state());
+        }
+        let within = store.atomically(&mut || {
+            seen.push(store.state());
+            store.insert(&ns, vec![doc! {}])?;
+            seen.push(store.state());
+            Ok(())
+        });
+        assert!(within.is_ok());
+        seen.push(state());
+        seen.dedup();
+        assert!(seen.len() >= 6 && seen.is_sorted(), "{seen:?}");
     }
 }

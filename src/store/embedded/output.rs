@@ -47,7 +47,7 @@ impl Embedded {
 
     fn replace_collection(&self, ns: &Namespace, results: Results<'_>) -> Result<(), StoreError> {
         self.write(|| {
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let collection = self.ensure(ns)?;
             self.note_drop(ns, collection)?;
             self.clear(collection)?;
             for result in results {
@@ -71,7 +71,7 @@ impl Embedded {
 
     fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
         self.write(|| {
-            let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+            let collection = self.ensure(ns)?;
             self.sweep(ns, collection)?;
             let indexes = self.indexes_of(collection)?;
             let target = Target { ns, collection, index: unique_on(&indexes, merge)? };

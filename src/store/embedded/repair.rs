@@ -86,7 +86,7 @@ impl Embedded {
         ns: &Namespace,
         done: &mut Repaired,
     ) -> Result<(), StoreError> {
-        let collection = Collection::ensure(&self.connection, ns).map_err(|e| self.explain(&e))?;
+        let collection = self.ensure(ns)?;
         let from = Collection { id, generation: 0 };
         let mut position = i64::MIN;
         loop {
@@ -244,7 +244,7 @@ impl Embedded {
                     .map_err(|e| self.explain(&e))?;
             }
         }
-        collection.advance(&self.connection).map_err(|e| self.explain(&e))?;
+        self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
         self.indexes.clear();
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
         for index in self.indexes_of(collection)?.iter() {

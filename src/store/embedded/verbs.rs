@@ -100,6 +100,7 @@ impl Store for Embedded {
                 None => self.note(to, Noted::drop(None))?,
             }
             self.note_rename(collection, from, to)?;
+            self.known.forget();
             collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
         })
     }
@@ -208,6 +209,10 @@ impl Store for Embedded {
         Ok(self.version().map_err(|e| self.explain(&e))? == before)
     }
 
+    fn state(&self) -> Option<(i64, u64)> {
+        self.known.state()
+    }
+
     fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         // A transaction is as durable as where it was begun.
         if !self.connection.is_autocommit() {
@@ -269,7 +274,7 @@ impl Embedded {
         if self.is_reading.get() {
             return Err(QueryError::invalid(WRITE_CONFLICT, "what is read at one moment cannot be written to").into());
         }
-        self.known.forget();
+        self.known.count_write();
         if !self.connection.is_autocommit() {
             return self.step(work);
         }
@@ -284,6 +289,7 @@ impl Embedded {
         let result = work();
         if result.is_err() {
             self.indexes.clear();
+            self.known.forget();
             // A transaction that SQLite gave up as a whole has no savepoints any more.
             let _ = self.run("ROLLBACK TO step");
         }
@@ -297,7 +303,7 @@ impl Embedded {
         if !self.connection.is_autocommit() {
             return Ok(None);
         }
-        self.known.forget();
+        self.known.count_write();
         file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
         self.is_brief.store(true, Ordering::Relaxed);
         let begun = self.run("BEGIN IMMEDIATE");
@@ -314,11 +320,13 @@ impl Embedded {
     fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         let log = self.place.log();
         log.iter().for_each(|log| self.log_size.extend(log));
-        let result = self.open_log().and_then(|()| work()).and_then(|value| {
+        let open = || self.known.open(&self.connection).map_err(|e| self.explain(&e)).and_then(|()| self.open_log());
+        let result = open().and_then(|()| work()).and_then(|value| {
             self.bound_log()?;
             self.keep_room()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
+        self.known.close();
         if result.is_ok() {
             log.iter().for_each(|log| self.log_size.measure(log));
             self.publish_log();
@@ -328,6 +336,7 @@ impl Embedded {
         }
         if let Err(error) = &result {
             self.indexes.clear();
+            self.known.forget();
             self.log.keeping.forget();
             if failure::is_of_full_disk(error) {
                 // The log is folded into the file and cut, so that there is room to delete something.
@@ -343,11 +352,17 @@ impl Embedded {
     /// Removes a collection with its indexes. In a write transaction only.
     pub(super) fn erase_collection(&self, collection: Collection) -> Result<(), StoreError> {
         self.forget_indexes(collection)?;
+        self.known.forget();
         collection.drop(&self.connection).map_err(|e| self.explain(&e))
     }
 
     fn run(&self, sql: &str) -> rusqlite::Result<()> {
         self.connection.prepare_cached(sql).and_then(|mut statement| statement.execute([])).map(|_| ())
+    }
+
+    /// The collection of a name, created where there is none. In a write transaction only.
+    pub(super) fn ensure(&self, ns: &Namespace) -> Result<Collection, StoreError> {
+        self.known.ensure(&self.connection, ns).map_err(|e| self.explain(&e))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
