@@ -1,14 +1,14 @@
 //! What computables do, written once and run over all stores.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
-use rmem::memory::Memory;
 use rmem::memory::computables::{BodyKind, Definition, Origin, Registry, Verdict};
 use rmem::memory::dump::write;
+use rmem::memory::{Clock, Memory};
 use rmem::process::Host;
 use rmem::store::{Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
 
@@ -64,6 +64,8 @@ const SHARED: &[(&str, Case)] = cases![
     what_the_memory_keeps_is_seen_by_all,
     the_cache_is_shared,
     those_who_ask_at_once_compute_once,
+    those_who_ask_when_its_time_is_over_compute_once,
+    what_begins_to_need_another_one_sees_its_documents,
     answers_are_whole_while_others_compute,
 ];
 
@@ -880,6 +882,54 @@ fn those_who_ask_at_once_compute_once(lab: &Lab) {
     });
     assert_eq!(std::fs::read_to_string(log).unwrap().lines().count(), 1);
     assert_eq!(stored(lab, &lab.memory(vec![]), "x"), 2);
+}
+
+/// A memory whose clock stands at a number of seconds from now.
+fn later(memory: Memory, seconds: i64) -> Memory {
+    memory.with_clock(Clock::Stopped(DateTime::from_millis(DateTime::now().timestamp_millis() + seconds * 1000)))
+}
+
+fn those_who_ask_when_its_time_is_over_compute_once(lab: &Lab) {
+    let memory = |seconds| {
+        let low = Definition { cache: Some(Duration::from_secs(10)), ..lab.low() };
+        later(lab.memory(vec![low]), seconds)
+    };
+    let asked = doc! { "relation": "on-table" };
+    lab.blocks(&memory(0));
+    for seconds in [0, 20, 40] {
+        let runs = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    let memory = memory(seconds);
+                    assert_eq!(texts(&memory, &lab.ns("x"), asked.clone(), "object"), ["A", "C"]);
+                    let [(_, was_cached)] = reported(&memory)[..] else { panic!("one is asked for") };
+                    runs.fetch_add(usize::from(!was_cached), Ordering::Relaxed);
+                });
+            }
+        });
+        assert_eq!(runs.into_inner(), 1, "at {seconds}");
+        assert_eq!(stored(lab, &memory(seconds), "x"), 2, "at {seconds}");
+    }
+}
+
+fn what_begins_to_need_another_one_sees_its_documents(lab: &Lab) {
+    let low = || Definition { cache: Some(Duration::from_secs(10)), ..lab.low() };
+    let more = || Definition {
+        namespace: lab.ns("blocks"),
+        ..lab.pipeline("more", doc! {}, "others", vec![doc! { "$project": { "_id": 0 } }])
+    };
+    let before = later(lab.memory(vec![low()]), 0);
+    lab.blocks(&before);
+    before.insert(&lab.ns("others"), vec![doc! { "block": "D", "z": 0 }]).unwrap();
+    let ask = |memory: &Memory| texts(memory, &lab.ns("x"), doc! { "relation": "on-table" }, "object");
+    assert_eq!(ask(&before), ["A", "C"]);
+    let after = later(lab.memory(vec![low(), more()]), 20);
+    assert_eq!(ask(&after), ["A", "C", "D"]);
+    assert_eq!(reported(&after), [("more".into(), false), ("low".into(), false)]);
+    let last = later(lab.memory(vec![low(), more()]), 40);
+    assert_eq!(ask(&last), ["A", "C", "D"]);
+    assert_eq!(reported(&last), [("more".into(), true), ("low".into(), false)], "its cache holds");
 }
 
 fn answers_are_whole_while_others_compute(lab: &Lab) {

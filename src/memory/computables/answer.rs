@@ -1,17 +1,17 @@
 //! Answering: compute what a query needs, then ask the store.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bson::oid::ObjectId;
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::body::{Asked, ComputeError, Source};
-use super::cache::{self, Entry, Lifetime, State, after};
+use super::cache::{self, Lifetime, after};
 use super::extended;
 use super::questions::{questions, visible_stages};
 use super::report::Computed;
 use super::state::{COMPUTE_TIMEOUT, Others, Running, Wanted};
-use super::storing::{self, remove};
+use super::storing::remove;
 use super::view::{Answering, View};
 use crate::fault::{AtFault, Fault};
 use crate::memory::journal::Operation;
@@ -26,23 +26,20 @@ const ATTEMPTS: usize = 5;
 const DEPTH: usize = 16;
 /// At most so many documents of one computation.
 const MOST_DOCUMENTS: usize = 100_000;
-/// How long a waiting process sleeps at first …
-const SHORTEST: Duration = Duration::from_millis(2);
-/// … and at most.
-const LONGEST: Duration = Duration::from_millis(50);
 
 /// A computation whose documents count.
-struct Held {
-    namespace: Namespace,
-    key: String,
-    token: ObjectId,
-    /// Until when other queries may be answered with them.
-    until: DateTime,
-    made: Made,
+pub(super) struct Held {
+    pub(super) namespace: Namespace,
+    pub(super) key: String,
+    pub(super) token: ObjectId,
+    pub(super) life: Lifetime,
+    pub(super) made: Made,
+    /// The state of the store with these documents, where it is known; see [`Store::state`](crate::store::Store::state).
+    pub(super) state: Option<(i64, u64)>,
 }
 
 /// For whom the documents of a computation were made.
-enum Made {
+pub(super) enum Made {
     /// For an earlier query: the cache had them.
     Before,
     /// For this query, and for those that ask the same while the cache holds; their `_id`s.
@@ -164,6 +161,11 @@ impl Memory {
 
     /// Whether all computed documents of an answer existed all the time. Removes the others from `held`.
     fn still_holds(&self, held: &mut Vec<Held>) -> Result<bool, StoreError> {
+        if let [Held { namespace, state: Some(state), .. }] = held.as_slice()
+            && self.state(namespace)? == Some(*state)
+        {
+            return Ok(true);
+        }
         let now = self.clock.now();
         let mut current = Vec::new();
         let mut namespaces: Vec<&Namespace> =
@@ -184,7 +186,7 @@ impl Memory {
             let holds = match &held.made {
                 Made::Alone => true,
                 _ if !current.contains(&held.key) => false,
-                _ if held.until > now => true,
+                _ if held.life.until > now => true,
                 Made::Before => false,
                 // Whatever the cache time, the answer to the query that computed them has them.
                 Made::Now(ids) => {
@@ -199,6 +201,16 @@ impl Memory {
         }
         *held = holding;
         Ok(held.len() == before)
+    }
+
+    /// The state of the store of a collection, where it knows that.
+    fn state(&self, ns: &Namespace) -> Result<Option<(i64, u64)>, StoreError> {
+        let (store, mut state) = (self.routes.reading(ns)?, None);
+        store.find_chosen(ns, &mut || {
+            state = store.state();
+            Ok(None)
+        })?;
+        Ok(state)
     }
 
     /// The computation that answers the query: of the cache, or a new one; `alone` for a new one that is not shared.
@@ -228,86 +240,14 @@ impl Memory {
         Ok(held)
     }
 
-    fn obtain_cached(
-        &self,
-        wanted: &Wanted<'_>,
-        others: Others<'_>,
-        good_for: Duration,
-    ) -> Result<(Held, bool, u64), StoreError> {
-        let definition = &wanted.computable.definition;
-        let ns = &definition.namespace;
-        let store = self.routes.keeping(ns)?;
-        let entry = Entry::new(store, ns, wanted.key.clone());
-        let held = |token, until, made| Held { namespace: ns.clone(), key: wanted.key.clone(), token, until, made };
-        let timeout = wanted.computable.body.timeout().map_or(COMPUTE_TIMEOUT, |timeout| timeout + COMPUTE_TIMEOUT);
-        let (started, mut pause) = (Instant::now(), SHORTEST);
-        loop {
-            let now = self.clock.now();
-            match entry.state(now, good_for)? {
-                State::Good { token, until, documents } => {
-                    return Ok((held(token, until, Made::Before), true, documents));
-                }
-                State::Busy { .. } if started.elapsed() < timeout * 2 => {
-                    self.check_cycle(wanted)?;
-                    std::thread::sleep(pause);
-                    pause = (pause * 2).min(LONGEST);
-                }
-                State::Busy { until } => {
-                    let words = format!("another process has been computing it for long, and may until {until}");
-                    return Err(failed(wanted, ComputeError::Failed(words)));
-                }
-                State::Stale(former) => {
-                    let token = object_id::new();
-                    let until = after(now, timeout);
-                    let mut is_claimed = false;
-                    cache::write(store, || {
-                        is_claimed = entry.claim(former.as_ref(), definition, wanted.query, token, until)?;
-                        Ok(())
-                    })
-                    .map_err(|error| storing::unstorable(definition, error))?;
-                    if !is_claimed {
-                        continue;
-                    }
-                    let mut kept = None;
-                    let made = self.compute(wanted, others, None).and_then(|documents| {
-                        let done = self.clock.now();
-                        let life =
-                            Lifetime { until: after(done, good_for), kept: after(done, good_for.max(others.time())) };
-                        let mut documents = Some(documents);
-                        cache::write(store, || {
-                            former.iter().try_for_each(|former| entry.clear(former))?;
-                            let documents = documents.take().unwrap_or_default();
-                            let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
-                            let ids = storing::insert(store, definition, documents, token)?;
-                            if !entry.finish(token, &ids, life)? {
-                                // Another process has claimed the entry, because this one took too long.
-                                return remove(store, ns, &ids, token);
-                            }
-                            let count = ids.len() as u64;
-                            kept = Some((held(token, life.until, Made::Now(ids)), false, count));
-                            entry.sweep(now)
-                        })
-                    });
-                    match (made, kept) {
-                        (Ok(()), Some(kept)) => return Ok(kept),
-                        (Ok(()), None) => {}
-                        (Err(error), _) => {
-                            entry.release(token, self.clock.now())?;
-                            return Err(error);
-                        }
-                    }
-                }
-            }
-        }
-    }
-
     /// Computes for this query alone.
     fn compute_once(&self, wanted: &Wanted<'_>, others: Others<'_>) -> Result<(Held, bool, u64), StoreError> {
         let documents = self.compute(wanted, others, None)?;
         let (namespace, key) = (wanted.computable.definition.namespace.clone(), wanted.key.clone());
         let (token, until) = (object_id::new(), after(self.clock.now(), COMPUTE_TIMEOUT));
-        let count = self.keep_once(wanted, documents, token, Lifetime { until, kept: until })?;
-        Ok((Held { namespace, key, token, until, made: Made::Alone }, false, count))
+        let life = Lifetime { until, kept: until };
+        let count = self.keep_once(wanted, documents, token, life)?;
+        Ok((Held { namespace, key, token, life, made: Made::Alone, state: None }, false, count))
     }
 
     /// Runs the body; `documents` are those that it adds keys to, where it does.
@@ -319,6 +259,8 @@ impl Memory {
     ) -> Result<Vec<Document>, StoreError> {
         let definition = &wanted.computable.definition;
         self.check_cycle(wanted)?;
+        self.check_within()?;
+        self.computables.runs.update(|runs| runs + 1);
         let later = others.later.iter().map(|other| &other.computable.definition);
         let later = later.filter(|other| other.namespace == definition.namespace);
         let running = Running {
@@ -346,7 +288,7 @@ impl Memory {
     }
 
     /// Refuses a computable that depends on itself.
-    fn check_cycle(&self, wanted: &Wanted<'_>) -> Result<(), StoreError> {
+    pub(super) fn check_cycle(&self, wanted: &Wanted<'_>) -> Result<(), StoreError> {
         let running = self.computables.running.borrow();
         let name = &wanted.computable.definition.name;
         let start = running.iter().position(|at| at.key == wanted.key);
@@ -365,13 +307,18 @@ impl Memory {
     }
 
     /// Removes what was computed for one query, also where its time in the cache was over before the query was answered.
+    /// Where the store's next write removes what has decayed by then, it is left to that.
     fn tidy(&self, held: &Held) -> Result<(), StoreError> {
+        let now = self.clock.now();
         let ids = match &held.made {
             Made::Alone => return self.forget_once(held.token),
-            Made::Now(ids) if held.until <= self.clock.now() => ids,
+            Made::Now(ids) if held.life.until <= now => ids,
             _ => return Ok(()),
         };
         let store = self.routes.reading(&held.namespace)?;
+        if held.life.kept <= now && store.is_atomic() {
+            return Ok(());
+        }
         cache::write(store, || {
             if !cache::discard(store, &held.namespace, &held.key, held.token)? {
                 // Another process has removed them.
@@ -398,6 +345,6 @@ fn is_cycle(error: &StoreError) -> bool {
     matches!(error, StoreError::Computable { source, .. } if source.is::<Cycle>())
 }
 
-fn failed(wanted: &Wanted<'_>, error: impl AtFault) -> StoreError {
+pub(super) fn failed(wanted: &Wanted<'_>, error: impl AtFault) -> StoreError {
     StoreError::computable(&wanted.computable.definition.name, error)
 }

@@ -9,6 +9,7 @@
 
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
+use std::cell::Cell;
 use std::time::Duration;
 
 use super::definition::Definition;
@@ -22,6 +23,9 @@ const COLLECTION: &str = "rmem.computed";
 const MOST_IDS: usize = 10_000;
 /// At most so many entries are cleaned up at once.
 const SWEEP: u64 = 16;
+
+/// A computation that took no longer is repeated within the transaction that stores what it makes.
+const QUICK: Duration = Duration::from_millis(3);
 
 /// How much the clocks of robots may differ, and how long an entry may be on its way.
 const CLOCK_SKEW: Duration = Duration::from_secs(10);
@@ -52,6 +56,8 @@ pub(super) struct Entry<'a> {
     asked: &'a Namespace,
     records: Namespace,
     key: String,
+    /// The state of the store in which the entry was read last; see [`Store::state`].
+    seen: Cell<Option<(i64, u64)>>,
 }
 
 /// How long what was computed is there.
@@ -87,18 +93,44 @@ pub(super) struct Former {
     ids: Vec<Bson>,
     /// Whether the process that had the entry ended during its computation, and may have left documents.
     is_abandoned: bool,
+    /// How long it took, where no other computation was a part of it.
+    took: Option<Duration>,
+    /// The entry as it was read.
+    entry: Document,
+}
+
+impl Former {
+    /// Whether it took so little time that other writers can wait until it is computed again.
+    pub(super) fn was_quick(&self) -> bool {
+        !self.is_abandoned && self.took.is_some_and(|took| took <= QUICK)
+    }
+}
+
+/// A computation that is done.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Done<'a> {
+    pub(super) token: ObjectId,
+    /// The `_id`s of what it made.
+    pub(super) ids: &'a [Bson],
+    pub(super) life: Lifetime,
+    /// How long it took, where no other computation was a part of it.
+    pub(super) took: Option<Duration>,
 }
 
 impl<'a> Entry<'a> {
     pub(super) fn new(store: &'a dyn Store, asked: &'a Namespace, key: String) -> Self {
-        Self { store, asked, records: records(asked), key }
+        Self { store, asked, records: records(asked), key, seen: Cell::default() }
     }
 
     /// How the entry stands at a time. What ends further ahead than `cache`, by more than
     /// [`CLOCK_SKEW`], was written under another clock, and does not count.
     pub(super) fn state(&self, now: DateTime, cache: Duration) -> Result<State, StoreError> {
         let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
-        let found = self.store.find(&self.records, &find)?.next().transpose()?;
+        let found = self.store.find_chosen(&self.records, &mut || {
+            self.seen.set(self.store.state());
+            Ok(Some(find.clone()))
+        })?;
+        let found = found.and_then(|mut found| found.next()).transpose()?;
         let Some(found) = found else { return Ok(State::Stale(None)) };
         let entry = Document::try_from(&*found).map_err(QueryError::from)?;
         match state(&entry, now, after(now, cache.saturating_add(CLOCK_SKEW))) {
@@ -153,15 +185,31 @@ impl<'a> Entry<'a> {
     }
 
     /// Records that a computation is done; returns false where another process has the entry.
-    pub(super) fn finish(&self, token: ObjectId, ids: &[Bson], life: Lifetime) -> Result<bool, StoreError> {
-        let set = doc! {
-            "made": token,
-            "documents": i64::try_from(ids.len()).unwrap_or(i64::MAX),
-            "ids": listed(ids),
-            metadata::info_path("cached_until"): life.until,
-            metadata::info_path(metadata::DECAY): life.kept,
-        };
-        self.change(token, doc! { "$set": set, "$unset": { "busy_until": "", "holder": "" } })
+    pub(super) fn finish(&self, done: Done<'_>) -> Result<bool, StoreError> {
+        self.change(done.token, doc! { "$set": result(done), "$unset": { "busy_until": "", "holder": "" } })
+    }
+
+    /// Records that a computation is done that did not claim the entry: it is as it was, and no other process can write.
+    pub(super) fn replace(&self, former: &Former, done: Done<'_>) -> Result<(), StoreError> {
+        let mut entry = former.entry.clone();
+        entry.insert("token", done.token);
+        for (path, value) in result(done) {
+            match (path.strip_prefix(metadata::INFO), entry.get_mut(metadata::INFO)) {
+                (Some(key), Some(Bson::Document(info))) => info.insert(key.trim_start_matches('.'), value),
+                _ => entry.insert(path, value),
+            };
+        }
+        self.store.put(&self.records, vec![entry], None).map(drop)
+    }
+
+    /// Whether the entry is as it was when it was read, which no other connection can change now.
+    pub(super) fn is_still(&self, former: &Former) -> Result<bool, StoreError> {
+        if let (Some((before, _)), Some((now, _))) = (self.seen.get(), self.store.state())
+            && before == now
+        {
+            return Ok(true);
+        }
+        Ok(!current(self.store, self.asked, &[(self.key.clone(), former.token)])?.is_empty())
     }
 
     /// Returns the entry free without a result.
@@ -200,6 +248,18 @@ impl<'a> Entry<'a> {
             ..UpdateRequest::default()
         };
         Ok(self.store.update(&self.records, &request, None)?.matched > 0)
+    }
+}
+
+/// What an entry says of its last computation.
+fn result(done: Done<'_>) -> Document {
+    doc! {
+        "made": done.token,
+        "documents": i64::try_from(done.ids.len()).unwrap_or(i64::MAX),
+        "ids": listed(done.ids),
+        "took": done.took.and_then(|took| i64::try_from(took.as_micros()).ok()),
+        metadata::info_path("cached_until"): done.life.until,
+        metadata::info_path(metadata::DECAY): done.life.kept,
     }
 }
 
@@ -293,6 +353,7 @@ fn state(entry: &Document, now: DateTime, latest: DateTime) -> State {
 /// The computation that an entry is about, where it is one.
 fn former(entry: &Document) -> Former {
     let documents = u64::try_from(entry.get_i64("documents").unwrap_or_default()).unwrap_or_default();
+    let took = entry.get_i64("took").ok().and_then(|took| u64::try_from(took).ok());
     Former {
         token: entry.get_object_id("token").unwrap_or_default(),
         // Nothing was made where no documents are counted.
@@ -300,6 +361,8 @@ fn former(entry: &Document) -> Former {
         documents,
         ids: entry.get_array("ids").cloned().unwrap_or_default(),
         is_abandoned: entry.contains_key("busy_until"),
+        took: took.map(Duration::from_micros),
+        entry: entry.clone(),
     }
 }
 

@@ -5,7 +5,7 @@
 //! and in which order: those of the settings, and those that the memory itself keeps ([`kept`], as documents: [`record`]). Each has a [`body`], one
 //! file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
 //! body gives is stored beside the other documents, with an entry in the
-//! [`cache`] that all processes share; then the query is answered over all of
+//! [`cache`] that all processes share ([`renewal`]); then the query is answered over all of
 //! them ([`answer`]).
 //!
 //! Rules:
@@ -45,6 +45,7 @@ mod pipeline;
 mod questions;
 mod record;
 mod registry;
+mod renewal;
 mod report;
 mod sources;
 mod spec;

@@ -29,6 +29,10 @@ pub(in crate::memory) struct Computables {
     pub(super) kept: RefCell<HashMap<String, Kept>>,
     /// Those whose bodies are running, each for a query of the one before.
     pub(super) running: RefCell<Vec<Running>>,
+    /// How many bodies have run.
+    pub(super) runs: Cell<u64>,
+    /// The computation that is a part of a write.
+    pub(super) within: Cell<Option<Within>>,
     /// What was computed for queries that are being answered, and for them alone.
     pub(super) once: RefCell<Vec<Once>>,
     /// What was computed for the last operation.
@@ -51,6 +55,15 @@ impl Drop for OperationScope<'_> {
         let (begun, open) = self.0.operations.get();
         self.0.operations.set((begun, open.saturating_sub(1)));
     }
+}
+
+/// A computation within the transaction that stores what it makes: it may need no other one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Within {
+    /// How many bodies were running before.
+    pub(super) depth: usize,
+    /// Whether it needed another one after all.
+    pub(super) is_refused: bool,
 }
 
 /// Called with each warning, once.

@@ -2,7 +2,8 @@
 //!
 //! There is no background process, so writers do it: each insert and update first removes
 //! a few of the longest expired documents of its collection, an insert of many as many as it
-//! adds. (A delete does not, since it counts what it removes.)
+//! adds. (A delete does not, since it counts what it removes. Nor does an update of rmem's own
+//! collections, which may be about what has just expired.)
 
 use bson::{Bson, DateTime, doc};
 use rusqlite::{OptionalExtension as _, params};
