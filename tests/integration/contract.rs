@@ -87,6 +87,7 @@ const CASES: &[(&str, Case)] = cases![
     an_index_of_places_refuses_what_is_none,
     the_first_document_that_decays_makes_the_index_for_it,
     an_update_that_lets_a_document_decay_makes_the_index_too,
+    an_expression_sees_the_stored_documents_whatever_their_metadata_is,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -1195,6 +1196,47 @@ fn the_first_document_that_decays_makes_the_index_for_it(store: &dyn Store, ns: 
     assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids(), Index::of_decay()]);
     assert!(store.drop_index(ns, &Index::of_decay().name).is_err());
     assert_eq!(ids(store, ns, doc! {}), [1, 2]);
+}
+
+/// A memory asks for stored documents with these conditions; other clients write what they like into the metadata.
+fn an_expression_sees_the_stored_documents_whatever_their_metadata_is(store: &dyn Store, ns: &Namespace) {
+    let at = |millis: i64| Bson::from(instant(4_000_000_000_000 + millis));
+    let dates = [at(-1), at(0), at(1), true.into(), Bson::Null];
+    let tokens = [Bson::Null, Bson::from(1)];
+    let mut infos = vec![Bson::Null, doc! {}.into(), doc! { "computation": [] }.into()];
+    for date in &dates {
+        infos.push(doc! { "decay_time": date.clone() }.into());
+        infos.push(doc! { "decay_time": [at(1), date.clone()] }.into());
+        infos.push(doc! { "decay_time": [[date.clone()]] }.into());
+    }
+    for token in &tokens {
+        infos.push(doc! { "computation": { "token": token.clone() } }.into());
+        infos.push(doc! { "computation": [1, { "token": token.clone() }] }.into());
+        infos.push(doc! { "computation": [[{ "token": token.clone() }]], "decay_time": at(1) }.into());
+    }
+    let arrays: Vec<Bson> =
+        infos.iter().flat_map(|info| [vec![info.clone()], vec![vec![info.clone()].into()]]).map(Bson::from).collect();
+    infos.extend(arrays);
+    let document = |(id, info): (i32, &Bson)| doc! { "_id": id, "a": id % 3, "b": 1, "_robmem_info": info.clone() };
+    let documents: Vec<Document> = (0..).zip(&infos).map(document).collect();
+    insert(store, ns, documents.into_iter().chain([doc! { "_id": -1, "a": 0, "b": 1 }]));
+    let seen = doc! {
+        "_robmem_info.decay_time": { "$not": { "$lte": at(0) } },
+        "_robmem_info.computation.token": { "$exists": false },
+    };
+    for (expression, filter) in [
+        (doc! { "$ne": ["$a", "$b"] }, doc! { "a": { "$ne": 1 } }),
+        (doc! { "$eq": ["$a", 1] }, doc! { "a": 1 }),
+        (doc! { "$gt": [{ "$toInt": "$a" }, 0] }, doc! { "a": { "$gt": 0 } }),
+    ] {
+        let expected = ids(store, ns, doc! { "$and": [filter, seen.clone()] });
+        let asked = doc! { "$and": [{ "$expr": expression }, seen.clone()] };
+        assert_eq!(ids(store, ns, asked.clone()), expected);
+        assert_eq!(store.count(ns, (&asked).into()).unwrap(), expected.len() as u64);
+        let stages = [doc! { "$match": asked }];
+        let matches = store.aggregate(ns, (&stages[..]).into()).unwrap();
+        assert_eq!(matches.map(Result::unwrap).count(), expected.len());
+    }
 }
 
 fn an_update_that_lets_a_document_decay_makes_the_index_too(store: &dyn Store, ns: &Namespace) {

@@ -3,11 +3,13 @@
 use bson::{Bson, Document, doc};
 
 use super::MongoDb;
+use super::visible::behind_expression;
 use crate::store::{Find, Namespace, StoreError};
 
 impl MongoDb {
     pub(super) fn explanation(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let mut query = doc! { "find": &ns.collection, "filter": find.filter.clone() };
+        let filter = behind_expression(&find.filter).into_owned();
+        let mut query = doc! { "find": &ns.collection, "filter": filter };
         for (key, document) in [("sort", &find.sort), ("projection", &find.projection)] {
             if !document.is_empty() {
                 query.insert(key, document.clone());

@@ -19,6 +19,7 @@ mod raw;
 mod single_step;
 mod update;
 mod verbs;
+mod visible;
 mod watch;
 
 pub use raw::Raw;

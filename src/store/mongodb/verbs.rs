@@ -8,6 +8,7 @@ use mongodb::results::UpdateResult;
 
 use super::history::Made;
 use super::update::is_replacement;
+use super::visible::{behind_expression, in_stages};
 use super::{MongoDb, failure};
 use crate::query::{Collation, QueryError, object_id};
 use crate::store::document::{settle, with_id_first};
@@ -61,7 +62,7 @@ impl Store for MongoDb {
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let collection = if find.current { self.on_primary(ns) } else { self.collection(ns) };
-        let mut action = collection.find(find.filter.clone());
+        let mut action = collection.find(behind_expression(&find.filter).into_owned());
         if !find.sort.is_empty() {
             action = action.sort(find.sort.clone());
         }
@@ -88,20 +89,20 @@ impl Store for MongoDb {
 
     fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
         let collection = self.collection(ns);
-        let action = collection.count_documents(query.filter.clone());
+        let action = collection.count_documents(behind_expression(query.filter).into_owned());
         modified!(action, query.modifiers, collation hint).run().map_err(|e| self.explain(&e))
     }
 
     fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         let collection = self.collection(ns);
-        let action = collection.distinct(field, query.filter.clone());
+        let action = collection.distinct(field, behind_expression(query.filter).into_owned());
         let values = modified!(action, query.modifiers, collation).run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(values.into_iter().map(Ok)))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
         let collection = self.collection(ns);
-        let action = collection.aggregate(pipeline.stages.to_vec());
+        let action = collection.aggregate(in_stages(pipeline.stages));
         let action = modified!(action, pipeline.modifiers, collation variables hint);
         let cursor = action.with_type::<RawDocumentBuf>().run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
