@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use bson::{Bson, Document};
 
 use super::operator::{is_nullish, is_true, type_name};
-use super::pair::order;
+use super::pair::{fields as pair_of_fields, order};
 use super::parse::Reader;
 use super::scope::{Environment, check_name};
 use super::tree::{Expression, constant};
@@ -103,6 +103,14 @@ impl Form {
         }
         let form = Expression::Form(Box::new(self));
         if constants { Ok(Expression::Constant(constant(&form)?)) } else { Ok(form) }
+    }
+
+    /// Returns the names of two fields of the document itself, where the form is that they differ.
+    pub(super) fn differing(&self) -> Option<[&str; 2]> {
+        match self {
+            Self::Compare(Comparison::NotEqual, pair) => pair_of_fields(pair),
+            _ => None,
+        }
     }
 
     pub(super) fn truth(&self, environment: &Environment<'_>) -> Result<bool> {

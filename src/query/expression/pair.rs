@@ -11,23 +11,26 @@ use crate::query::element::{Element, Elements};
 use crate::query::error::Result;
 use crate::query::view::Fields;
 
-/// The type of strings in BSON.
-const STRING: u8 = 0x02;
-
 /// Returns the order of the values of two expressions.
 ///
 /// # Errors
 /// If one cannot be evaluated.
 pub(super) fn order(pair: &[Expression; 2], environment: &Environment<'_>) -> Result<Ordering> {
-    if let ([Some(a), Some(b)], Fields::Raw(document)) = (pair.each_ref().map(field), environment.root) {
-        let [a, b] = Elements::new(document).find_both([a.as_bytes(), b.as_bytes()]);
+    if let (Some(names), Fields::Raw(document)) = (fields(pair), environment.root) {
+        let [a, b] = Elements::new(document).find_both(names.map(str::as_bytes));
         return Ok(match (a, b) {
-            (Some(a), Some(b)) if is_same_text(&a, &b) => Ordering::Equal,
+            (Some(a), Some(b)) if a.has_same_bytes(&b) => Ordering::Equal,
             (a, b) => optional(a.and_then(Element::view), b.and_then(Element::view)),
         });
     }
     let [a, b] = pair;
     a.show(environment, |a| b.show(environment, |b| optional(a, b)))?
+}
+
+/// The names of two fields of the document itself, if the expressions are that.
+pub(super) fn fields(pair: &[Expression; 2]) -> Option<[&str; 2]> {
+    let [a, b] = pair;
+    Some([field(a)?, field(b)?])
 }
 
 /// The name of a field of the document itself, if an expression is one.
@@ -39,11 +42,6 @@ fn field(expression: &Expression) -> Option<&str> {
         },
         _ => None,
     }
-}
-
-/// Whether two elements are strings of the same bytes, which every collation makes equal.
-fn is_same_text(a: &Element<'_>, b: &Element<'_>) -> bool {
-    a.type_code == STRING && b.type_code == STRING && a.value == b.value
 }
 
 #[cfg(test)]
@@ -67,6 +65,8 @@ mod tests {
             Some(doc! { "x": 1 }.into()),
             Some(vec![1, 2].into()),
             Some(true.into()),
+            Some(Bson::Decimal128("NaN".parse().unwrap())),
+            Some(doc! { "x": [f64::NAN, Bson::Null] }.into()),
             Some(DateTime::from_millis(1).into()),
         ];
         let none = Variables::default();

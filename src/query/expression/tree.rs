@@ -95,6 +95,14 @@ impl Expression {
         }
     }
 
+    /// Returns the names of two fields of the document itself, where the expression is that they differ.
+    pub(in crate::query) fn differing(&self) -> Option<[&str; 2]> {
+        match self {
+            Self::Form(form) => form.differing(),
+            _ => None,
+        }
+    }
+
     /// Returns whether the value is true.
     pub(in crate::query) fn truth(&self, environment: &Environment<'_>) -> Result<bool> {
         if let Self::Form(form) = self {

@@ -90,7 +90,7 @@ impl Filter {
     /// If an expression of the filter fails on the document.
     pub fn matches(&self, document: &RawDocument) -> Result<bool> {
         match self.prefilter.get_or_init(|| Prefilter::of(&self.root)) {
-            Some(prefilter) if !prefilter.may_match(document.as_bytes()) => Ok(false),
+            Some(prefilter) if !prefilter.may_match(document) => Ok(false),
             _ => self.root.matches(document.into(), &mut self.context()),
         }
     }
