@@ -15,7 +15,7 @@ use super::nesting::MAX_DEPTH;
 /// The largest result in bytes: 16 MiB, and 16 KiB for what mongod adds to stored documents.
 const MAX_RESULT: usize = (16 << 20) + (16 << 10);
 /// The largest document between two stages in bytes, as in mongod.
-const MAX_BETWEEN: usize = 64 << 20;
+pub(super) const MAX_BETWEEN: usize = 64 << 20;
 /// The longest string in bytes that an operator makes, as in mongod.
 const MAX_STRING: usize = 16 << 20;
 /// The deepest value while an expression is evaluated. mongod has no limit and fails at some ten thousand levels.
@@ -162,6 +162,14 @@ fn check_level(level: usize) -> Result<()> {
     Ok(())
 }
 
+/// Refuses values that are nested too deeply, so many levels below a document.
+///
+/// # Errors
+/// If there are more than 400 levels.
+pub(super) fn check_levels(value: &Bson, level: usize) -> Result<()> {
+    below(value, level).map(drop)
+}
+
 /// Refuses values that need too much memory.
 ///
 /// # Errors
@@ -177,9 +185,9 @@ pub(super) fn check_memory(bytes: usize) -> Result<()> {
 /// Refuses arrays of too many elements before they are made; each has `heap` bytes beside the value itself.
 ///
 /// # Errors
-/// If they need more memory than an evaluation may hold.
+/// If they need more memory than an evaluation may hold, with what it holds already.
 pub(super) fn check_elements(count: usize, heap: usize) -> Result<()> {
-    check_memory(count.saturating_mul(size_of::<Bson>() + heap))
+    check_memory(HELD.get().saturating_add(count.saturating_mul(size_of::<Bson>() + heap)))
 }
 
 /// Refuses strings that are too long before they are made.
@@ -200,10 +208,19 @@ pub(super) fn check_string(bytes: usize) -> Result<()> {
 pub(super) fn encode_between(document: &Document) -> Result<RawDocumentBuf> {
     check_document(document)?;
     let raw = RawDocumentBuf::try_from(document)?;
-    if raw.as_bytes().len() > MAX_BETWEEN {
-        return Err(QueryError::invalid(13_548, "a document between stages is larger than 64 MB"));
-    }
+    check_between(&raw)?;
     Ok(raw)
+}
+
+/// Refuses documents that are too large for another stage.
+///
+/// # Errors
+/// If there are more than 64 MB.
+pub(super) fn check_between(document: &RawDocument) -> Result<()> {
+    match document.as_bytes().len() > MAX_BETWEEN {
+        true => Err(QueryError::invalid(13_548, "a document between stages is larger than 64 MB")),
+        false => Ok(()),
+    }
 }
 
 /// Encodes a document that is a result.

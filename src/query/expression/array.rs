@@ -79,14 +79,15 @@ fn end(operator: &str, values: &[Value], first: bool) -> Result<Value> {
 }
 
 fn concatenated(values: &[Value]) -> Result<Value> {
-    let mut all = Vec::new();
+    let mut arrays = Vec::with_capacity(values.len());
     for index in 0..values.len() {
         match array(28_664, "$concatArrays", at(values, index))? {
             None => return Ok(Some(Bson::Null)),
-            Some(items) => all.extend_from_slice(items),
+            Some(items) => arrays.push(items),
         }
     }
-    Ok(Some(Bson::Array(all)))
+    check_elements(arrays.iter().map(|items| items.len()).sum(), 0)?;
+    Ok(Some(Bson::Array(arrays.concat())))
 }
 
 fn is_in(values: &[Value]) -> Result<Value> {

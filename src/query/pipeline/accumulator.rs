@@ -1,12 +1,11 @@
 //! Accumulators of `$group` and the bucket stages.
 
-use std::collections::btree_map::Entry;
-
 use bson::{Bson, Document};
 
+use super::collected::{Collected, Distinct};
 use super::run::Run;
 use super::script::Script;
-use super::state::{State, in_order};
+use super::state::State;
 use crate::query::compare::compare_values;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope, field_value};
@@ -153,8 +152,8 @@ impl Accumulator {
             Operator::Average => State::Average(Sum::default(), 0),
             Operator::Deviation { .. } => State::Deviation(Deviation::default()),
             Operator::Extreme { .. } | Operator::First | Operator::Last => State::One(None),
-            Operator::Push => State::Many(Vec::new(), Memory::default()),
-            Operator::AddToSet => State::Distinct(std::collections::BTreeMap::new(), Memory::default()),
+            Operator::Push => State::Many(Collected::default()),
+            Operator::AddToSet => State::Distinct(Distinct::default()),
             Operator::Merge => State::Merged(Document::new(), Memory::default()),
             Operator::Some { count, .. } | Operator::Extremes { count, .. } => {
                 State::Counted(limit(count, id, run)?, Vec::new(), Memory::default())
@@ -214,21 +213,8 @@ impl Accumulator {
                 *first = Some(value.unwrap_or(Bson::Null));
             }
             (Operator::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
-            (Operator::Push, State::Many(values, memory)) => {
-                if let Some(value) = value {
-                    memory.add(&value)?;
-                    values.push(value);
-                }
-            }
-            (Operator::AddToSet, State::Distinct(values, memory)) => {
-                let place = values.len();
-                if let Some(value) = value
-                    && let Entry::Vacant(entry) = values.entry(key::collated(&value))
-                {
-                    memory.add(&value)?;
-                    entry.insert((place, value));
-                }
-            }
+            (Operator::Push, State::Many(values)) => value.map_or(Ok(()), |value| values.add(value))?,
+            (Operator::AddToSet, State::Distinct(values)) => value.map_or(Ok(()), |value| values.add(value))?,
             (Operator::Merge, State::Merged(document, memory)) => match value {
                 Some(Bson::Document(more)) => {
                     memory.add_new(document, &more)?;
@@ -290,12 +276,12 @@ impl Accumulator {
             (_, State::Average(sum, count)) => sum.mean(count).map_or(Bson::Null, Bson::from),
             (Operator::Deviation { sample }, State::Deviation(deviation)) => deviation.value(*sample),
             (_, State::One(value)) => value.unwrap_or(Bson::Null),
-            (_, State::Many(values, _)) => Bson::Array(values),
+            (_, State::Many(values)) => Bson::Array(values.values()?),
             (_, State::Counted(limit, mut values, _)) => {
                 values.truncate(limit);
                 Bson::Array(values)
             }
-            (_, State::Distinct(values, _)) => Bson::Array(in_order(values)),
+            (_, State::Distinct(values)) => Bson::Array(values.into_collected().values()?),
             (_, State::Merged(document, _)) => Bson::Document(document),
             (Operator::Ranked { count: None, .. }, State::Ranked(_, ranked, _)) => {
                 ranked.into_iter().next().map_or(Bson::Null, |(_, value)| value)

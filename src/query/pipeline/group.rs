@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::documents::{Documents, encode};
+use super::documents::Documents;
 use super::groups::Accumulators;
 use super::partition::{Grouping, Item};
 use super::run::Run;
@@ -59,7 +59,7 @@ impl Group {
         let mut groups = grouping.group(&mut items, 0, &mut runs)?;
         if runs.is_empty() {
             let groups = groups.take().into_iter();
-            return Ok(Box::new(groups.map(|group| Ok(encode(&self.accumulators.finish(group)?)?))));
+            return Ok(Box::new(groups.map(|group| Ok(self.accumulators.encoded(group)?))));
         }
         let merged = runs.merged()?;
         Ok(Box::new(merged.map(|record| Ok(RawDocumentBuf::from_bytes(record?.1).map_err(QueryError::from)?))))

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use bson::{Bson, Document};
+use bson::raw::CString;
+use bson::{Bson, Document, RawBson, RawDocumentBuf};
 
 use super::accumulator::Accumulator;
 use super::run::Run;
@@ -10,7 +11,7 @@ use super::state::State;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Scope;
 use crate::query::key;
-use crate::query::limit::{ALLOCATION, memory};
+use crate::query::limit::{ALLOCATION, check_between, check_levels, memory};
 use crate::query::view::Fields;
 
 /// Fields with their accumulators.
@@ -72,6 +73,29 @@ impl Accumulators {
         for ((name, accumulator), state) in self.fields.iter().zip(group.states) {
             document.insert(name.clone(), accumulator.finish(state)?);
         }
+        Ok(document)
+    }
+
+    /// Returns the same document as BSON, for another stage.
+    ///
+    /// # Errors
+    /// If a function of `$accumulator` fails, or the document is too large.
+    pub(super) fn encoded(&self, group: Group) -> Result<RawDocumentBuf> {
+        let (mut document, name) = (RawDocumentBuf::new(), |name: &str| CString::try_from(name));
+        check_levels(&group.id, 1)?;
+        document.append(name("_id")?, RawBson::try_from(group.id)?);
+        for ((field, accumulator), state) in self.fields.iter().zip(group.states) {
+            match state {
+                State::Many(values) => document.append(name(field)?, values.into_array()),
+                State::Distinct(values) => document.append(name(field)?, values.into_collected().into_array()),
+                state => {
+                    let value = accumulator.finish(state)?;
+                    check_levels(&value, 1)?;
+                    document.append(name(field)?, RawBson::try_from(value)?);
+                }
+            }
+        }
+        check_between(&document)?;
         Ok(document)
     }
 }

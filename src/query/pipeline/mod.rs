@@ -7,6 +7,7 @@
 mod accumulator;
 mod argument;
 mod bucket;
+mod collected;
 mod densify;
 mod description;
 mod documents;

@@ -9,7 +9,6 @@ use std::hash::BuildHasher as _;
 
 use bson::{Bson, Document, RawDocumentBuf};
 
-use super::documents::encode;
 use super::groups::{Accumulators, Group, Groups};
 use super::run::Run;
 use super::state::State;
@@ -74,7 +73,7 @@ impl<'a, E: From<QueryError>> Grouping<'a, '_, E> {
         }
         runs.add(groups.into_iter().map(|group| {
             let number = group.first.to_be_bytes();
-            Ok((number, encode(&self.accumulators.finish(group)?)?.into_bytes()))
+            Ok((number, self.accumulators.encoded(group)?.into_bytes()))
         }))
     }
 
@@ -130,8 +129,8 @@ fn parts(item: Item) -> Result<(Bson, RawDocumentBuf, Vec<u8>)> {
     let (first, id, body) = match item {
         Item::Document(number, id, document) => (number, id, document.into_bytes()),
         Item::Group(Group { first, id, states }) => {
-            let states: Vec<Bson> = states.into_iter().map(|state| Bson::Array(state.save())).collect();
-            head.insert("states", states);
+            let states = states.into_iter().map(|state| Ok(Bson::Array(state.save()?)));
+            head.insert("states", states.collect::<Result<Vec<Bson>>>()?);
             (first, id, Vec::new())
         }
     };

@@ -1,12 +1,10 @@
 //! The state of an accumulator, in memory and in temporary files.
 
-use std::collections::BTreeMap;
-
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, Document};
 
+use super::collected::{Collected, Distinct};
 use crate::query::error::Result;
-use crate::query::key;
 use crate::query::limit::{ALLOCATION, Memory, memory};
 use crate::query::statistics::{Deviation, Sum};
 
@@ -17,8 +15,8 @@ pub(super) enum State {
     Average(Sum, u64),
     Deviation(Deviation),
     One(Option<Bson>),
-    Many(Vec<Bson>, Memory),
-    Distinct(BTreeMap<Vec<u8>, (usize, Bson)>, Memory),
+    Many(Collected),
+    Distinct(Distinct),
     Merged(Document, Memory),
     Counted(usize, Vec<Bson>, Memory),
     Ranked(usize, Vec<(Vec<u8>, Bson)>, Memory),
@@ -31,9 +29,9 @@ impl State {
         let bytes = match self {
             Self::Sum(_) | Self::Average(..) | Self::Deviation(_) | Self::One(None) => 0,
             Self::One(Some(value)) => memory(value).unwrap_or_default(),
-            Self::Many(values, held) | Self::Counted(_, values, held) => held.bytes() + spare(values),
-            // A key is about as long as its value.
-            Self::Distinct(values, held) => 2 * held.bytes() + values.len() * 2 * ALLOCATION,
+            Self::Many(values) => values.bytes(),
+            Self::Distinct(values) => values.bytes(),
+            Self::Counted(_, values, held) => held.bytes() + spare(values),
             Self::Merged(_, held) => held.bytes(),
             Self::Ranked(_, ranked, held) => {
                 held.bytes() + ranked.iter().map(|(key, _)| key.len() + 2 * ALLOCATION).sum::<usize>()
@@ -44,19 +42,22 @@ impl State {
     }
 
     /// Returns what [`State::load`] makes the same state of.
-    pub(super) fn save(self) -> Vec<Bson> {
+    ///
+    /// # Errors
+    /// If a value is malformed.
+    pub(super) fn save(self) -> Result<Vec<Bson>> {
         let number = |count: u64| Bson::Int64(count.cast_signed());
-        match self {
+        Ok(match self {
             Self::Sum(sum) => vec![bytes(&sum.save())],
             Self::Average(sum, count) => vec![bytes(&sum.save()), number(count)],
             Self::Deviation(deviation) => vec![deviation.save().to_vec().into()],
             Self::One(value) => value.into_iter().collect(),
-            Self::Many(values, _) => values,
-            Self::Distinct(values, _) => in_order(values),
+            Self::Many(values) => values.values()?,
+            Self::Distinct(values) => values.into_collected().values()?,
             Self::Merged(document, _) => vec![document.into()],
             Self::Counted(_, values, _) => values,
             Self::Ranked(_, ranked, _) => ranked.into_iter().flat_map(|(key, value)| [bytes(&key), value]).collect(),
-        }
+        })
     }
 
     /// Returns the state that was saved; `start` is what it was before the first document.
@@ -77,17 +78,13 @@ impl State {
                 Self::Deviation(Deviation::load(parts))
             }
             Self::One(_) => Self::One(saved.next()),
-            Self::Many(mut values, mut held) => {
-                values.extend(saved);
-                held.add_all(&values)?;
-                Self::Many(values, held)
+            Self::Many(mut values) => {
+                saved.try_for_each(|value| values.add(value))?;
+                Self::Many(values)
             }
-            Self::Distinct(mut values, mut held) => {
-                for (place, value) in saved.enumerate() {
-                    held.add(&value)?;
-                    values.insert(key::collated(&value), (place, value));
-                }
-                Self::Distinct(values, held)
+            Self::Distinct(mut values) => {
+                saved.try_for_each(|value| values.add(value))?;
+                Self::Distinct(values)
             }
             Self::Merged(mut document, mut held) => {
                 if let Some(Bson::Document(fields)) = saved.next() {
@@ -110,13 +107,6 @@ impl State {
             }
         })
     }
-}
-
-/// Returns the values of a set in the order in which they came.
-pub(super) fn in_order(values: BTreeMap<Vec<u8>, (usize, Bson)>) -> Vec<Bson> {
-    let mut values: Vec<_> = values.into_values().collect();
-    values.sort_unstable_by_key(|(place, _)| *place);
-    values.into_iter().map(|(_, value)| value).collect()
 }
 
 fn bytes(bytes: &[u8]) -> Bson {

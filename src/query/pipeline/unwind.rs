@@ -51,10 +51,7 @@ impl Unwind {
                 Ok(self.unwound(document))
             });
             match unwound {
-                Ok(documents) => {
-                    let encoded = documents.into_iter().map(|document| Ok(encode(&document)?));
-                    Box::new(encoded) as Documents<'a, E>
-                }
+                Ok(documents) => Box::new(documents.map(|document| Ok(encode(&document)?))) as Documents<'a, E>,
                 Err(error) => Box::new(std::iter::once(Err(error))),
             }
         }))
@@ -65,39 +62,38 @@ impl Unwind {
         &self.path
     }
 
-    fn unwound(&self, mut document: Document) -> Vec<Document> {
+    /// Returns the documents that one document becomes, made one after the other.
+    fn unwound<'a>(&'a self, mut document: Document) -> Box<dyn Iterator<Item = Document> + 'a> {
         let items = match find(&mut document, &self.path) {
             Some(place @ Bson::Array(_)) => match std::mem::replace(place, Bson::Null) {
                 Bson::Array(items) => items,
                 _ => Vec::new(),
             },
-            Some(Bson::Null | Bson::Undefined) | None if !self.preserve => return Vec::new(),
+            Some(Bson::Null | Bson::Undefined) | None if !self.preserve => return Box::new(std::iter::empty()),
             _ => {
                 self.number(&mut document, None);
-                return vec![document];
+                return Box::new(std::iter::once(document));
             }
         };
         if items.is_empty() {
             if !self.preserve {
-                return Vec::new();
+                return Box::new(std::iter::empty());
             }
             // What takes the place of the array is where the array was.
             if !self.index.as_ref().is_some_and(|index| index.starts_with(&self.path)) {
                 remove(&mut document, &self.path);
             }
             self.number(&mut document, None);
-            return vec![document];
+            return Box::new(std::iter::once(document));
         }
-        let mut documents = Vec::with_capacity(items.len());
-        for (index, item) in items.into_iter().enumerate() {
+        Box::new(items.into_iter().enumerate().map(move |(index, item)| {
             let mut copy = document.clone();
             if let Some(place) = find(&mut copy, &self.path) {
                 *place = item;
             }
             self.number(&mut copy, i64::try_from(index).ok());
-            documents.push(copy);
-        }
-        documents
+            copy
+        }))
     }
 
     fn number(&self, document: &mut Document, index: Option<i64>) {
