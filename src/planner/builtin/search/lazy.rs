@@ -108,6 +108,10 @@ impl<'t> Lazy<'t> {
     ) -> Self {
         let mut lists: [OpenList; 4] = Default::default();
         lists[0].push(0, (NO_STATE, 0));
+        let mut relaxed = relaxed;
+        if aim.weight.is_none() {
+            relaxed.draw();
+        }
         let scratch = Scratch {
             state: aim.init.clone(),
             applicable: Vec::new(),

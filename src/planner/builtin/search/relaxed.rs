@@ -35,6 +35,12 @@ struct Progress {
 /// The axioms and other rules have no operator.
 const AXIOM: OperatorId = OperatorId::MAX;
 
+/// What draws begin with.
+const SEED: u64 = 0x2545_f491_4f6c_dd1d;
+
+/// Odd, with well-spread bits (the golden ratio of 2⁶⁴).
+const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// How operators cost in estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Costs {
@@ -121,6 +127,8 @@ pub(super) struct Relaxed {
     /// How often the operators of numeric rules are applied, and for each fact how often its supporter's is.
     repetitions: Option<Repetitions>,
     counts: Vec<u32>,
+    /// Where one of the supporters that cost the same is drawn, and not the first one taken: what the draw is made of.
+    chance: Option<u64>,
     /// How many rules have been touched so far.
     pub(super) work: u64,
 }
@@ -184,12 +192,22 @@ impl Relaxed {
             variables: task.len(),
             counts: vec![1; if repetitions.is_some() { facts } else { 0 }],
             repetitions,
+            chance: None,
             work: 0,
             rules: rules.into(),
             conditions: conditions.into(),
             effects: effects.into(),
             start,
         }
+    }
+
+    /// Draws one of the supporters that cost the same, anew for each state, in the same way in every run.
+    ///
+    /// The first one is the same in all states. Where it leads nowhere, as where each car is to be parked behind the same
+    /// one, all preferred operators of a plateau do.
+    pub(super) fn draw(&mut self) {
+        // How often an operator is applied depends on the supporter that came first.
+        self.chance = self.repetitions.is_none().then_some(SEED);
     }
 
     /// Estimates how far it is from a state to the goals.
@@ -219,6 +237,7 @@ impl Relaxed {
             let rule = self.free[place];
             self.apply(rule);
         }
+        self.chance = self.chance.map(|chance| chance.wrapping_add(SEED).rotate_left(17));
         let mut left = goals.len();
         let mut cost = 0;
         while cost < self.buckets.len() {
@@ -291,6 +310,9 @@ impl Relaxed {
 
     fn reach(&mut self, fact: Fact, cost: u32, supporter: u32) {
         if cost >= self.costs[fact as usize] {
+            if cost == self.costs[fact as usize] && self.is_drawn(self.supporters[fact as usize], supporter) {
+                self.supporters[fact as usize] = supporter;
+            }
             return;
         }
         self.costs[fact as usize] = cost;
@@ -304,6 +326,17 @@ impl Relaxed {
             self.buckets.resize_with(bucket + 1, Vec::new);
         }
         self.buckets[bucket].push(fact);
+    }
+
+    /// Whether a supporter takes the place of another one that costs the same.
+    fn is_drawn(&self, known: u32, other: u32) -> bool {
+        let Some(chance) = self.chance else { return false };
+        if known == NONE || other == NONE || self.rules[other as usize].cost == 0 {
+            // Rules that cost nothing might support each other in a circle.
+            return false;
+        }
+        let lot = |rule: u32| (u64::from(rule) ^ chance).wrapping_mul(SPREAD) >> 20;
+        lot(other) > lot(known)
     }
 
     /// Makes a relaxed plan of the supporters.
@@ -496,6 +529,22 @@ mod tests {
         let mut task = door();
         task.operators.retain(|operator| operator.name != [2]);
         assert_eq!(Relaxed::new(&task, Costs::Unit).estimate(&task.init, &task.goal), Estimate::default());
+    }
+
+    #[test]
+    fn equal_supporters_are_drawn_in_the_same_way_in_every_run() {
+        let ways = [("one", &[][..], &[(0, 1)][..]), ("two", &[], &[(0, 1)]), ("three", &[], &[(1, 1)])];
+        let task = super::super::example::task(&[2, 2], &[0, 0], &[(0, 1)], &ways);
+        let drawn = || {
+            let mut relaxed = Relaxed::new(&task, Costs::Unit);
+            relaxed.draw();
+            let estimates = (0..64).map(|_| relaxed.estimate(&task.init, &task.goal));
+            estimates.map(|estimate| (estimate.value, estimate.preferred)).collect::<Vec<_>>()
+        };
+        let found = drawn();
+        assert_eq!(found, drawn());
+        let count = |operator| found.iter().filter(|estimate| **estimate == (Some(1), vec![operator])).count();
+        assert!(count(0) > 8 && count(1) > 8 && count(0) + count(1) == 64, "{found:?}");
     }
 
     #[test]

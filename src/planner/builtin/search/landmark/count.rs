@@ -1,5 +1,9 @@
 //! The landmark count: how many landmarks are still to be achieved on the way to a state (Richter, Helmert and
 //! Westphal 2008; Richter and Westphal 2010, section 5).
+//!
+//! A landmark is accepted once it was true, whatever comes before it reasonably; it is counted as long as that was not
+//! true (past and future landmarks, Büchner, Keller, Eriksson and Helmert 2023, "Landmark progression in heuristic
+//! search").
 
 use super::super::successor::holds;
 use super::super::task::{Fact, Operator, Task};
@@ -19,6 +23,8 @@ struct Entry {
     facts: Vec<Fact>,
     is_goal: bool,
     before: Vec<u32>,
+    /// What comes before it only reasonably.
+    reasonable: Vec<u32>,
     /// What needs it directly before.
     needed_by: Vec<u32>,
 }
@@ -39,11 +45,13 @@ impl Counter {
             for fact in &landmark.facts {
                 by_fact[*fact as usize] = landmarks.len() as u32;
             }
+            let reasonable = landmark.before.iter().filter(|(_, order)| *order == Order::Reasonable);
             let strict = landmark.after.iter().filter(|(_, order)| *order == Order::GreedyNecessary);
             landmarks.push(Entry {
                 facts: landmark.facts.clone(),
                 is_goal: landmark.is_goal,
                 before: landmark.before.iter().map(|(before, _)| numbers[*before as usize]).collect(),
+                reasonable: reasonable.map(|(before, _)| numbers[*before as usize]).collect(),
                 needed_by: strict.map(|(after, _)| numbers[*after as usize]).collect(),
             });
         }
@@ -60,16 +68,10 @@ impl Counter {
         self.landmarks[number].facts.iter().any(|fact| state[task.variable(*fact)] == *fact)
     }
 
-    /// Computes which landmarks are accepted at first: those that are true, after those that come before.
+    /// Computes which landmarks are accepted at first: those that are true.
     pub(in super::super) fn start(&self, task: &Task, state: &[Fact], accepted: &mut [u64]) {
-        accepted.fill(0);
-        loop {
-            let before = accepted.to_vec();
-            self.accept(task, state, &before, accepted);
-            if before == accepted {
-                return;
-            }
-        }
+        let none = vec![0; accepted.len()];
+        self.accept(task, state, &none, accepted);
     }
 
     /// Adds the landmarks that a state achieves, given those that were accepted before it.
@@ -83,20 +85,21 @@ impl Counter {
                 if number >= self.landmarks.len() {
                     break;
                 }
-                let is_next = || self.landmarks[number].before.iter().all(|before_it| has(before, *before_it));
-                if self.is_true(task, state, number) && is_next() {
+                if self.is_true(task, state, number) {
                     accepted[word] |= 1 << (number % 64);
                 }
             }
         }
     }
 
-    /// Returns how many landmarks are not accepted, or have to be achieved again: goals, and what others need next.
+    /// Returns how many landmarks are not accepted, or have to be achieved again: goals, what others need next, and what
+    /// was achieved before what reasonably comes before it.
     pub(in super::super) fn count(&self, task: &Task, state: &[Fact], accepted: &[u64]) -> u32 {
         let is_open = |number: &usize| {
             let landmark = &self.landmarks[*number];
             let is_needed = || landmark.is_goal || landmark.needed_by.iter().any(|after| !has(accepted, *after));
-            !has(accepted, *number as u32) || !self.is_true(task, state, *number) && is_needed()
+            let is_early = || landmark.reasonable.iter().any(|before| !has(accepted, *before));
+            !has(accepted, *number as u32) || !self.is_true(task, state, *number) && is_needed() || is_early()
         };
         (0..self.landmarks.len()).filter(is_open).count() as u32
     }

@@ -102,15 +102,51 @@ mod tests {
         assert_eq!(simple, [[0], [3], [4]]);
     }
 
-    #[test]
-    fn what_destroys_a_goal_is_done_before_it_reasonably() {
-        // Painting the ceiling takes one to the ladder; in the end, one is to stand at the door.
-        let task = task(
+    /// Painting the ceiling takes one to the ladder; in the end, one is to stand at the door.
+    fn ladder() -> Task {
+        task(
             &[3, 2],
             &[0, 0],
             &[(0, 2), (1, 1)],
             &[("to-ladder", &[], &[(0, 1)]), ("to-door", &[], &[(0, 2)]), ("paint", &[(0, 1)], &[(1, 1)])],
+        )
+    }
+
+    #[test]
+    fn what_was_achieved_too_early_counts_as_open() {
+        let task = ladder();
+        let counter = Counter::new(&task, &graph(&task));
+        let mut marks = vec![0; counter.words()];
+        counter.start(&task, &task.init, &mut marks);
+        let mut counts = vec![counter.count(&task, &task.init, &marks)];
+        // To the door, to the ladder, the ceiling, to the door again.
+        for state in [[2, 3], [1, 3], [1, 4], [2, 4]] {
+            let before = marks.clone();
+            counter.accept(&task, &state, &before, &mut marks);
+            counts.push(counter.count(&task, &state, &marks));
+        }
+        assert_eq!(counts, [3, 3, 2, 1, 0]);
+    }
+
+    #[test]
+    fn what_both_need_is_no_reason_for_an_order() {
+        // With a free hand, one waves, and one takes the key: then the hand is not free.
+        let mut task = task(
+            &[2, 2, 2],
+            &[0, 0, 0],
+            &[(1, 1), (2, 1)],
+            &[("wave", &[(0, 0)], &[(1, 1)]), ("take", &[(0, 0)], &[(0, 1), (2, 1)]), ("free", &[], &[(0, 0), (2, 0)])],
         );
+        let has = |task: &Task, order| orders(&graph(task)).contains(&order);
+        let (free, waved, taken) = (0, 3, 5);
+        task.mutexes = vec![vec![free, taken]];
+        assert!(has(&task, (free, waved, Order::GreedyNecessary)) && has(&task, (free, taken, Order::GreedyNecessary)));
+        assert!(!has(&task, (waved, taken, Order::Reasonable)));
+    }
+
+    #[test]
+    fn what_destroys_a_goal_is_done_before_it_reasonably() {
+        let task = ladder();
         let (door, ceiling) = (2, 4);
         let found = orders(&graph(&task));
         assert!(found.contains(&(ceiling, door, Order::Reasonable)), "{found:?}");

@@ -94,8 +94,16 @@ fn interferes(graph: &Graph, mutexes: &Mutexes<'_>, effects: &[Vec<Fact>], other
     if landmark.is_gone || achieved == fact {
         return false;
     }
+    // What both need directly before them is no reason: it comes before either of them, and to order all pairs of a chain
+    // in this way would hide what is achieved in the other order.
+    let precedes = |before: u32| {
+        let mut after = graph.landmarks[before as usize].after.iter();
+        after.any(|(next, order)| *order == Order::GreedyNecessary && graph.landmarks[*next as usize].facts == [fact])
+    };
     let needs = |(before, order): &(u32, Order)| match graph.landmarks[*before as usize].facts[..] {
-        [needed] => *order == Order::GreedyNecessary && needed != fact && mutexes.exclude(needed, fact),
+        [needed] => {
+            *order == Order::GreedyNecessary && needed != fact && mutexes.exclude(needed, fact) && !precedes(*before)
+        }
         _ => false,
     };
     mutexes.exclude(achieved, fact)
