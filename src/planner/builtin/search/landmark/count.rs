@@ -2,8 +2,8 @@
 //! Westphal 2008; Richter and Westphal 2010, section 5).
 //!
 //! A landmark is accepted once it was true, whatever comes before it reasonably; it is counted as long as that was not
-//! true (past and future landmarks, Büchner, Keller, Eriksson and Helmert 2023, "Landmark progression in heuristic
-//! search").
+//! true (a simplification of past and future landmarks: Büchner, Keller, Eriksson and Helmert 2023, "Landmarks Progression
+//! in Heuristic Search").
 
 use super::super::successor::holds;
 use super::super::task::{Fact, Operator, Task};
