@@ -7,7 +7,7 @@ use bson::{Bson, RawArrayBuf, RawBson};
 
 use crate::query::error::{QueryError, Result};
 use crate::query::key;
-use crate::query::limit::{ALLOCATION, MAX_BETWEEN, check_levels};
+use crate::query::limit::{ALLOCATION, MAX_BETWEEN, Memory, check_levels};
 
 /// The memory in bytes of a set: more than one needs that is a result.
 const MAX_SET: usize = 128 << 20;
@@ -18,6 +18,8 @@ const ENTRY: usize = ALLOCATION + 2 * size_of::<Box<[u8]>>();
 #[derive(Debug, Clone)]
 pub(super) struct Collected {
     array: RawArrayBuf,
+    /// What the values need where they are read again.
+    decoded: Memory,
 }
 
 /// The first ones of equal values, in the order in which they came.
@@ -31,7 +33,7 @@ pub(super) struct Distinct {
 
 impl Default for Collected {
     fn default() -> Self {
-        Self { array: RawArrayBuf::new() }
+        Self { array: RawArrayBuf::new(), decoded: Memory::default() }
     }
 }
 
@@ -39,10 +41,12 @@ impl Collected {
     /// Adds a value.
     ///
     /// # Errors
-    /// If it is nested too deeply, or the values are more than a document can hold, which cannot be a result then.
+    /// If it is nested too deeply, the values are more than a document can hold, or a stage that reads them would need
+    /// too much memory.
     pub(super) fn add(&mut self, value: Bson) -> Result<()> {
         // In an array, in a document.
         check_levels(&value, 2)?;
+        self.decoded.add(&value)?;
         self.array.push(RawBson::try_from(value)?);
         if self.bytes() > MAX_BETWEEN {
             let message = format!("an accumulator collects more than {} MB of values", MAX_BETWEEN >> 20);
@@ -120,6 +124,10 @@ mod tests {
         let text = Bson::String("x".repeat(1 << 20));
         let mut all = Collected::default();
         assert_eq!((0..).find_map(|_| all.add(text.clone()).err()).unwrap().code, 146);
+        let document = Bson::from(doc! { "x": 1, "y": 2 });
+        let mut small = Collected::default();
+        assert_eq!((0..).find_map(|_| small.add(document.clone()).err()).unwrap().code, 146);
+        assert!(small.bytes() < MAX_BETWEEN, "small documents need more where they are read than as BSON");
         let mut set = Distinct::default();
         assert_eq!((0..).find_map(|number: i32| set.add(number.into()).err()).unwrap().code, 146);
         assert!(set.keys.len() > 1_300_000, "as many as a result can have");
