@@ -129,10 +129,7 @@ impl Memory {
     /// The same documents, perhaps with metadata that is to be hidden, and whether it is: for readers that look at single
     /// fields, and pass over it.
     pub(crate) fn find_to_hide(&self, ns: &Namespace, find: &Find) -> Result<(Documents<'_>, bool), StoreError> {
-        let documents = match find.projection.is_empty() {
-            true => self.find_with_metadata(ns, find)?,
-            false => self.find_with_metadata(ns, &unseen::in_find(find))?,
-        };
+        let documents = self.find_with_metadata(ns, &unseen::in_find(find))?;
         Ok((documents, !find.projection.keys().any(|key| is_metadata(key))))
     }
 

@@ -36,13 +36,16 @@ pub(in crate::memory) fn in_filter(filter: &Document) -> Document {
     filter.iter().map(condition).collect()
 }
 
-/// Returns a query whose filter and projection do not see the metadata.
-pub(in crate::memory) fn in_find(find: &Find) -> Find {
+/// Returns a query whose projection does not see the metadata.
+pub(in crate::memory) fn in_find(find: &Find) -> Cow<'_, Find> {
+    if find.projection.is_empty() {
+        return Cow::Borrowed(find);
+    }
     let projection = match names(&find.projection) {
         true => find.projection.clone(),
         false => find.projection.iter().map(|(key, value)| (key.clone(), in_field(value))).collect(),
     };
-    Find { projection, ..find.clone() }
+    Cow::Owned(Find { projection, ..find.clone() })
 }
 
 /// The value of a field in a projection; `$elemMatch` is a filter, and its strings are values.

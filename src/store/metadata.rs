@@ -159,6 +159,14 @@ pub(crate) fn visible(at: DateTime) -> Document {
     doc! { DECAY_PATH: { "$not": { "$lte": at } } }
 }
 
+/// The same, for documents that were stored, and not computed: they have no token.
+pub(crate) fn stored(at: DateTime) -> Document {
+    let mut stored = visible(at);
+    // MongoDB would look for null before it looks at the conditions of the operation, and for what is not there afterwards.
+    stored.insert(TOKEN_PATH, doc! { "$exists": false });
+    stored
+}
+
 /// Returns the result of an update of `old` with its metadata. A replacement keeps the date at
 /// which its predecessor was inserted. Returns nothing where only metadata would change.
 pub(crate) fn update(

@@ -6,6 +6,9 @@
 
 use std::time::{Duration, Instant};
 
+use bson::oid::ObjectId;
+use bson::{Bson, Document};
+
 use super::answer::{Held, Made, failed};
 use super::body::ComputeError;
 use super::cache::{self, Done, Entry, Former, Lifetime, State, after};
@@ -14,7 +17,7 @@ use super::state::{COMPUTE_TIMEOUT, Others, Wanted, Within};
 use super::storing::{self, remove};
 use crate::memory::Memory;
 use crate::query::object_id;
-use crate::store::{Store, StoreError};
+use crate::store::{Namespace, Store, StoreError};
 
 /// How long a waiting process sleeps at first …
 const SHORTEST: Duration = Duration::from_millis(2);
@@ -37,7 +40,7 @@ struct Renewal<'a> {
 }
 
 impl Renewal<'_> {
-    fn held(&self, token: bson::oid::ObjectId, life: Lifetime, made: Made) -> Held {
+    fn held(&self, token: ObjectId, life: Lifetime, made: Made) -> Held {
         let namespace = self.wanted.computable.definition.namespace.clone();
         Held { namespace, key: self.wanted.key.clone(), token, life, made, state: None }
     }
@@ -104,10 +107,7 @@ impl Memory {
             let life = self.life(renewal);
             let mut documents = Some(documents);
             cache::write(*store, || {
-                former.into_iter().try_for_each(|former| entry.clear(former))?;
-                let documents = documents.take().unwrap_or_default();
-                let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
-                let ids = storing::insert(*store, definition, documents, token)?;
+                let ids = self.keep(renewal, former, documents.take().unwrap_or_default(), token, life)?;
                 if !entry.finish(Done { token, ids: &ids, life, took })? {
                     // Another process has claimed the entry, because this one took too long.
                     return remove(*store, &definition.namespace, &ids, token);
@@ -126,8 +126,8 @@ impl Memory {
 
     /// Computes within the transaction that stores what that gives. Returns nothing where another process was quicker.
     fn renew_within(&self, renewal: &Renewal<'_>, former: &Former) -> Result<Option<Obtained>, StoreError> {
-        let Renewal { store, entry, wanted, .. } = renewal;
-        let (definition, token) = (&wanted.computable.definition, object_id::new());
+        let Renewal { store, entry, .. } = renewal;
+        let token = object_id::new();
         let before = self.computables.computed.borrow().len();
         let depth = self.computables.running.borrow().len();
         self.computables.within.set(Some(Within { depth, is_refused: false }));
@@ -138,9 +138,7 @@ impl Memory {
             }
             let (documents, took) = self.timed(renewal)?;
             let life = self.life(renewal);
-            entry.clear(former)?;
-            let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
-            let ids = storing::insert(*store, definition, documents, token)?;
+            let ids = self.keep(renewal, Some(former), documents, token, life)?;
             entry.replace(former, Done { token, ids: &ids, life, took })?;
             let count = ids.len() as u64;
             let held = renewal.held(token, life, Made::Now(ids));
@@ -159,11 +157,26 @@ impl Memory {
         }
     }
 
+    /// Stores what was computed in place of what was computed before; returns the `_id`s.
+    fn keep(
+        &self,
+        renewal: &Renewal<'_>,
+        former: Option<&Former>,
+        documents: Vec<Document>,
+        token: ObjectId,
+        life: Lifetime,
+    ) -> Result<Vec<Bson>, StoreError> {
+        former.into_iter().try_for_each(|former| renewal.entry.clear(former))?;
+        let definition = &renewal.wanted.computable.definition;
+        let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
+        storing::insert(renewal.store, definition, documents, token)
+    }
+
     /// Whether a computation may be a part of a write: its last run was quick, and it looks at nothing but this file.
     fn may_be_within(&self, renewal: &Renewal<'_>, former: &Former) -> bool {
         let computable = &renewal.wanted.computable;
         let ns = &computable.definition.namespace;
-        let is_near = |source: &crate::store::Namespace| self.routes.is_shared(source) == self.routes.is_shared(ns);
+        let is_near = |source: &Namespace| self.routes.is_shared(source) == self.routes.is_shared(ns);
         former.was_quick()
             && renewal.store.is_atomic()
             && self.computables.within.get().is_none()
@@ -172,7 +185,7 @@ impl Memory {
     }
 
     /// Runs the body; returns how long it took, where no other computation was a part of it.
-    fn timed(&self, renewal: &Renewal<'_>) -> Result<(Vec<bson::Document>, Option<Duration>), StoreError> {
+    fn timed(&self, renewal: &Renewal<'_>) -> Result<(Vec<Document>, Option<Duration>), StoreError> {
         let (started, runs) = (Instant::now(), self.computables.runs.get());
         let documents = self.compute(renewal.wanted, renewal.others, None)?;
         let is_alone = self.computables.runs.get() == runs + 1;

@@ -81,11 +81,7 @@ impl View {
     pub(in crate::memory) fn visible(&self) -> Document {
         let mut visible = metadata::visible(self.at);
         match &self.tokens {
-            // Only stored documents are seen, which have no token. MongoDB would look for null before it looks at the
-            // conditions of the operation, and for what is not there afterwards.
-            Some(tokens) if matches!(tokens.as_slice(), [Bson::Null]) => {
-                visible.insert(metadata::TOKEN_PATH, doc! { "$exists": false })
-            }
+            Some(tokens) if matches!(tokens.as_slice(), [Bson::Null]) => return metadata::stored(self.at),
             // Null equals missing.
             Some(tokens) => visible.insert(metadata::TOKEN_PATH, doc! { "$in": tokens }),
             // What is kept longer than the cache holds, is kept for the query that it was computed for.

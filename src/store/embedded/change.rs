@@ -30,13 +30,10 @@ impl Embedded {
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
         let constants = constants(&request.modifiers.variables)?;
-        let mut change = Change::parse(request, timestamp, &constants)?;
+        let change = Change::parse(request, timestamp, &constants)?;
+        self.bind_search(ns, &change.filter)?;
         // The scan may simplify its own filter.
         let mut filter = Rc::new(Filter::parse_with_constants(&request.filter, &constants)?);
-        if change.update.is_positional() {
-            change.filter = Filter::parse_with_constants(&request.filter, &constants)?;
-            self.bind_search(ns, &change.filter)?;
-        }
         let (mut modified, mut upserted) = (0, None);
         let most = if request.many { u64::MAX } else { 1 };
         let matched = self.each_match(
@@ -250,7 +247,9 @@ impl Change {
         if request.many && update.is_replacement() {
             return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
-        let filter = Filter::parse(&Document::new())?;
+        let none = Document::new();
+        let filter = if update.is_positional() { &request.filter } else { &none };
+        let filter = Filter::parse_with_constants(filter, constants)?;
         Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
     }
 

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 
 use bson::{Bson, DateTime, Document, doc};
 
-use crate::store::metadata::{DECAY_PATH, INFO, TOKEN_PATH};
+use crate::store::metadata::{self, DECAY_PATH, INFO, TOKEN_PATH};
 
 /// Operators that have a value whatever their arguments are.
 const TOTAL: [&str; 14] = [
@@ -44,9 +44,8 @@ pub(super) fn in_stages(stages: &[Document]) -> Vec<Document> {
 fn parts(filter: &Document) -> Option<(&Document, &Bson, DateTime)> {
     let [Bson::Document(asked), Bson::Document(seen)] = filter.get_array("$and").ok()?.as_slice() else { return None };
     let at = *seen.get_document(DECAY_PATH).ok()?.get_document("$not").ok()?.get_datetime("$lte").ok()?;
-    let are_stored = *seen == doc! { DECAY_PATH: { "$not": { "$lte": at } }, TOKEN_PATH: { "$exists": false } };
     let expression = asked.get("$expr").filter(|expression| is_total(expression))?;
-    (filter.len() == 1 && are_stored).then_some((asked, expression, at))
+    (filter.len() == 1 && *seen == metadata::stored(at)).then_some((asked, expression, at))
 }
 
 /// Whether an expression has a value for every document.
@@ -99,8 +98,7 @@ mod tests {
 
     /// As a memory asks for stored documents.
     fn seen(asked: Document, at: DateTime) -> Document {
-        let visible = doc! { DECAY_PATH: { "$not": { "$lte": at } }, TOKEN_PATH: { "$exists": false } };
-        doc! { "$and": [asked, visible] }
+        doc! { "$and": [asked, metadata::stored(at)] }
     }
 
     /// Values that metadata of other clients may have, in arrays, too.

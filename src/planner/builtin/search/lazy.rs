@@ -103,12 +103,11 @@ impl<'t> Lazy<'t> {
         generator: &'t Generator,
         counter: &'t Counter,
         costs: &'t [u32],
-        relaxed: Relaxed,
+        mut relaxed: Relaxed,
         aim: Aim,
     ) -> Self {
         let mut lists: [OpenList; 4] = Default::default();
         lists[0].push(0, (NO_STATE, 0));
-        let mut relaxed = relaxed;
         if aim.weight.is_none() {
             relaxed.draw();
         }
