@@ -12,7 +12,7 @@ use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host, Lazy};
 use super::panic;
 use super::server::{Server, thread};
-use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none};
+use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
 use super::snapshot::{Ask, Reading, Snapshot};
 use crate::store::Namespace;
 
@@ -21,40 +21,54 @@ const MOST: usize = 200;
 /// How often a thread looks whether its time is over.
 const SLICE: Duration = Duration::from_millis(200);
 /// Runs a command where its transaction is.
-type Command = fn(&mut Host<'_>, &Call) -> Answer;
+pub(super) type Command = fn(&mut Host<'_>, &Call) -> Answer;
 
-/// Gives a transaction that begins with a read a thread, if there is room for it and its number is new.
-pub(super) fn begin(server: &Arc<Server>, once: &Once, ns: &Namespace, command: Command) -> Result<(), Failure> {
-    // One that came to a conflict is tried again by the writer, which no other write can disturb.
-    let keeps_out = |last: Finished| last.number >= once.number || last.how == How::Conflicted;
-    if server.sessions.last(&once.session).is_some_and(keeps_out) {
-        return Ok(());
-    }
-    let (asks, asked) = channel();
-    let mut readings = server.readings.lock();
-    match readings.get(&once.session) {
-        Some(reading) if reading.number >= once.number => return Ok(()),
-        None if readings.len() >= MOST => return Ok(()),
-        _ => {}
-    }
-    let (shared, own, ns) = (Arc::clone(server), once.clone(), ns.clone());
-    let work = move || live(&shared, &own, (&ns, command), &asked);
-    if thread("transaction").spawn(work).is_ok() {
-        readings.insert(once.session.clone(), Reading { number: once.number, asks, moved: None });
-    }
-    Ok(())
-}
-
-/// Runs a command in the thread of its transaction. Where that has none any more, or where the command writes after
-/// all, nothing is answered: it is for the writer, with the snapshot.
-pub(super) fn run(host: &mut Host<'_>, once: &Once, call: &Arc<Call>) -> Result<Option<Answer>, Failure> {
+/// Runs a command in the thread of its transaction, which gets one here where it begins with a read of a namespace. Where
+/// it has none, or where the command writes after all, nothing is answered: it is for the writer, with the snapshot.
+pub(super) fn run(
+    host: &mut Host<'_>,
+    once: &Once,
+    call: &Arc<Call>,
+    begins: Option<(&Namespace, Command)>,
+) -> Result<Option<Answer>, Failure> {
     let server = Arc::clone(&host.server);
     let (question, reply) = host.inbox.question(none(once));
-    if !server.readings.ask(once, Ask::Run { call: Arc::clone(call), reply })? {
+    let ask = Ask::Run { call: Arc::clone(call), reply };
+    let is_asked = match begins {
+        Some(work) => begin(&server, once, work, ask)?,
+        None => server.readings.ask(once, ask)?,
+    };
+    if !is_asked {
         return Ok(None);
     }
     let answer = host.wait(question);
     Ok(Some(answer).filter(|answer| !is_write(answer)))
+}
+
+/// Gives a transaction a thread, if there is room for it and its number is new, and asks it. The thread has what it is
+/// asked from its beginning on, so that it is answered even where no snapshot can be taken.
+fn begin(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command), first: Ask) -> Result<bool, Failure> {
+    // One that came to a conflict is tried again by the writer, which no other write can disturb.
+    let keeps_out = |last: Finished| last.number >= once.number || last.how == How::Conflicted;
+    if server.sessions.last(&once.session).is_some_and(keeps_out) {
+        return Ok(false);
+    }
+    let (asks, asked) = channel();
+    let mut readings = server.readings.lock();
+    match readings.get(&once.session) {
+        Some(reading) if reading.number > once.number => return Err(superseded(once, reading.number)),
+        Some(reading) if reading.number == once.number => return Err(started(once)),
+        None if readings.len() >= MOST => return Ok(false),
+        _ => {}
+    }
+    let (shared, own, ns) = (Arc::clone(server), once.clone(), ns.clone());
+    let is_asked = asks.send(first).is_ok();
+    let work = move || live(&shared, &own, (&ns, command), &asked);
+    let is_begun = thread("transaction").spawn(work).is_ok();
+    if is_begun {
+        readings.insert(once.session.clone(), Reading { number: once.number, asks, moved: None });
+    }
+    Ok(is_begun && is_asked)
 }
 
 /// Returns the snapshot of a transaction that is going to write, where it has read before: its cursors are read to

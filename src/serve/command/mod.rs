@@ -230,14 +230,14 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
         return Err(started(&once));
     }
     let is_writing = command.is_writing(&call.request);
-    if starts && !is_writing {
+    let begins = starts && !is_writing;
+    if begins {
         match server.sessions.open(&once.session) {
             Some(open) if open == once.number => return Err(started(&once)),
             Some(open) if open > once.number => return Err(superseded(&once, open)),
             Some(_) => server.writer.submit(Job::abandon(vec![once.session.clone()]))?,
             None => {}
         }
-        reading::begin(&server, &once, &ns, inside)?;
     }
     if let Some(Bson::Int64(cursor)) = call.request.target()
         && command.name == "getMore"
@@ -249,7 +249,8 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
         }
         return answer;
     }
-    if !is_writing && let Some(answer) = reading::run(host, &once, call)? {
+    let work: (_, reading::Command) = (&ns, inside);
+    if !is_writing && let Some(answer) = reading::run(host, &once, call, begins.then_some(work))? {
         return answer;
     }
     let snapshot = reading::snapshot(host, &once)?;
