@@ -40,7 +40,7 @@ pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -253,6 +253,16 @@ pub trait Store: Send {
     /// [`Store::find_chosen`], [`Store::at_one_moment`] and [`Store::atomically`].
     fn state(&self) -> Option<(i64, u64)> {
         None
+    }
+
+    /// Runs operations that read until a time at most, where the store can: what goes on to read documents after it is
+    /// [`StoreError::Held`].
+    fn reading_until(
+        &self,
+        _until: Instant,
+        work: &mut dyn FnMut() -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        work()
     }
 
     /// Runs operations that do not wait for the disk, where the store can: what they did may be lost with the power, the last

@@ -66,6 +66,7 @@ const SHARED: &[(&str, Case)] = cases![
     those_who_ask_at_once_compute_once,
     those_who_ask_when_its_time_is_over_compute_once,
     what_begins_to_need_another_one_sees_its_documents,
+    what_begins_to_take_long_is_computed_once,
     answers_are_whole_while_others_compute,
 ];
 
@@ -930,6 +931,35 @@ fn what_begins_to_need_another_one_sees_its_documents(lab: &Lab) {
     let last = later(lab.memory(vec![low(), more()]), 40);
     assert_eq!(ask(&last), ["A", "C", "D"]);
     assert_eq!(reported(&last), [("more".into(), true), ("low".into(), false)], "its cache holds");
+}
+
+fn what_begins_to_take_long_is_computed_once(lab: &Lab) {
+    let smaller = vec![doc! { "$match": { "$expr": { "$lt": ["$n", "$$n"] } } }, doc! { "$count": "count" }];
+    let pairs = || {
+        let stages = vec![
+            doc! { "$lookup": { "from": "numbers", "let": { "n": "$n" }, "pipeline": smaller.clone(), "as": "smaller" } },
+            doc! { "$group": { "_id": null, "pairs": { "$sum": { "$first": "$smaller.count" } } } },
+            doc! { "$project": { "_id": 0, "of": "numbers", "pairs": { "$toString": "$pairs" } } },
+        ];
+        let pairs = lab.pipeline("pairs", doc! { "of": "numbers" }, "numbers", stages);
+        Definition { cache: Some(Duration::from_secs(10)), ..pairs }
+    };
+    let first = later(lab.memory(vec![pairs()]), 0);
+    let add = |from, to| {
+        first.insert(&lab.ns("numbers"), (from..to).map(|n| doc! { "n": n }).collect()).unwrap();
+    };
+    let ask = |memory: &Memory| texts(memory, &lab.ns("x"), doc! { "of": "numbers" }, "pairs");
+    add(0, 3);
+    assert_eq!(ask(&first), ["3"]);
+    let second = later(lab.memory(vec![pairs()]), 20);
+    assert_eq!(ask(&second), ["3"]);
+    add(3, 200);
+    let third = later(lab.memory(vec![pairs()]), 40);
+    assert_eq!(ask(&third), ["19900"]);
+    assert_eq!(reported(&third), [("pairs".into(), false)]);
+    assert_eq!(ask(&third), ["19900"]);
+    assert_eq!(reported(&third), [("pairs".into(), true)]);
+    assert_eq!(stored(lab, &third, "x"), 1);
 }
 
 fn answers_are_whole_while_others_compute(lab: &Lab) {

@@ -2,7 +2,7 @@
 //!
 //! A process that computes claims the entry first, so that no other one does the same. Where the last computation was
 //! quick, and needed no other one, that would take longer than computing: it is done within the transaction that stores
-//! what it makes, for which other writers wait.
+//! what it makes, for which other writers wait. Where it is not quick any more, it is given up and done without.
 
 use std::time::{Duration, Instant};
 
@@ -23,6 +23,9 @@ use crate::store::{Namespace, Store, StoreError};
 const SHORTEST: Duration = Duration::from_millis(2);
 /// … and at most.
 const LONGEST: Duration = Duration::from_millis(50);
+
+/// How long a computation may read while writers wait.
+const BRIEF: Duration = Duration::from_millis(30);
 
 /// What was obtained, whether the cache had it, and how many documents it is.
 type Obtained = (Held, bool, u64);
@@ -127,7 +130,7 @@ impl Memory {
     /// Computes within the transaction that stores what that gives. Returns nothing where another process was quicker.
     fn renew_within(&self, renewal: &Renewal<'_>, former: &Former) -> Result<Option<Obtained>, StoreError> {
         let Renewal { store, entry, .. } = renewal;
-        let token = object_id::new();
+        let (token, mut until) = (object_id::new(), None);
         let before = self.computables.computed.borrow().len();
         let depth = self.computables.running.borrow().len();
         self.computables.within.set(Some(Within { depth, is_refused: false }));
@@ -136,7 +139,13 @@ impl Memory {
             if !entry.is_still(former)? {
                 return Ok(());
             }
-            let (documents, took) = self.timed(renewal)?;
+            let mut computed = (Vec::new(), None);
+            let end = *until.insert(Instant::now() + BRIEF);
+            store.reading_until(end, &mut || {
+                computed = self.timed(renewal)?;
+                Ok(())
+            })?;
+            let (documents, took) = computed;
             let life = self.life(renewal);
             let ids = self.keep(renewal, Some(former), documents, token, life)?;
             entry.replace(former, Done { token, ids: &ids, life, took })?;
@@ -149,7 +158,7 @@ impl Memory {
         match made {
             Ok(()) => Ok(kept),
             // Nothing of it was kept.
-            Err(_) if is_refused => {
+            Err(_) if is_refused || until.is_some_and(|until| Instant::now() >= until) => {
                 self.computables.computed.borrow_mut().truncate(before);
                 self.renew(renewal, Some(former))
             }

@@ -175,6 +175,7 @@ impl Embedded {
             log: Log::default(),
             is_brief,
             is_reading: Cell::default(),
+            reads_until: Cell::default(),
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),
             log_size: LogSize::default(),

@@ -55,6 +55,7 @@ impl Known {
 
     /// Forgets everything: this store has changed a collection, or took a change back.
     pub(super) fn forget(&self) {
+        self.count_write();
         self.collections.borrow_mut().clear();
     }
 

@@ -49,6 +49,7 @@ mod watcher;
 use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use rusqlite::Connection;
 
@@ -78,6 +79,8 @@ pub struct Embedded {
     is_brief: Arc<AtomicBool>,
     /// Whether what is read is of one moment, so that nothing is written.
     is_reading: Cell<bool>,
+    /// Until when documents may be read, where that is limited.
+    reads_until: Cell<Option<Instant>>,
     /// Whether what is written makes room.
     is_deleting: Cell<bool>,
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.

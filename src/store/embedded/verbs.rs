@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{DateTime, Document, RawDocumentBuf};
 
@@ -211,6 +211,17 @@ impl Store for Embedded {
 
     fn state(&self) -> Option<(i64, u64)> {
         self.known.state()
+    }
+
+    fn reading_until(
+        &self,
+        until: Instant,
+        work: &mut dyn FnMut() -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        self.reads_until.set(Some(until));
+        let result = work();
+        self.reads_until.set(None);
+        result
     }
 
     fn unflushed(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
@@ -430,5 +441,27 @@ mod tests {
         assert_eq!(store.find(&ns, &Find::default()).unwrap().count(), 2);
         assert!(store.find_chosen(&ns, &mut || Ok(None)).unwrap().is_none());
         assert!(store.connection.is_autocommit());
+    }
+
+    #[test]
+    fn what_reads_too_long_is_given_up_and_nothing_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Embedded::open(folder.path().join("robot.rmem")).unwrap();
+        let ns = Namespace::parse("a.b").unwrap();
+        store.insert(&ns, vec![doc! { "_id": 1 }, doc! { "_id": 2 }]).unwrap();
+        let count = |limit: Duration| {
+            let mut counted = 0;
+            let done = store.atomically(&mut || {
+                store.insert(&ns, vec![doc! { "_id": 3 }])?;
+                store.reading_until(Instant::now() + limit, &mut || {
+                    counted = store.count(&ns, (&doc! { "_id": { "$gt": 1 } }).into())?;
+                    Ok(())
+                })
+            });
+            done.map(|()| counted)
+        };
+        assert!(matches!(count(Duration::ZERO), Err(StoreError::Held { .. })));
+        assert_eq!(store.find(&ns, &Find::default()).unwrap().count(), 2, "it is read without a limit behind that");
+        assert_eq!(count(Duration::from_secs(600)).unwrap(), 2);
     }
 }
