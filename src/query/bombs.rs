@@ -98,6 +98,11 @@ fn arrays_end_with_the_memory_of_an_evaluation() {
     assert_eq!(code(project(many.into())), 146);
     let rows = doc! { "inputs": vec![doc! { "$range": [0, 5000] }; 1000], "useLongestLength": true };
     assert_eq!(code(project(doc! { "$zip": rows }.into())), 146);
+    // What is joined is not counted twice.
+    let half = doc! { "$range": [0, 600_000] };
+    let joined = doc! { "$concatArrays": [half.clone(), half.clone()] };
+    assert_eq!(code(project(doc! { "$size": joined }.into())), 0);
+    assert_eq!(code(project(doc! { "$size": { "$zip": { "inputs": [half.clone(), half] } } }.into())), 0);
     let split = doc! { "$split": [doubled(14), "x"] };
     assert_eq!(code(project(split.into())), 146);
 }

@@ -185,9 +185,10 @@ pub(super) fn check_memory(bytes: usize) -> Result<()> {
 /// Refuses arrays of too many elements before they are made; each has `heap` bytes beside the value itself.
 ///
 /// # Errors
-/// If they need more memory than an evaluation may hold, with what it holds already.
+/// If they need more memory than an evaluation may hold. What it holds already may be the same elements, which are let
+/// go afterwards, and is not added.
 pub(super) fn check_elements(count: usize, heap: usize) -> Result<()> {
-    check_memory(HELD.get().saturating_add(count.saturating_mul(size_of::<Bson>() + heap)))
+    check_memory(count.saturating_mul(size_of::<Bson>() + heap))
 }
 
 /// Refuses strings that are too long before they are made.
