@@ -28,7 +28,10 @@ impl Embedded {
         self.connection
             .execute("VACUUM INTO ?", [name])
             .and_then(|_| Connection::open(name)?.pragma_update(None, "journal_mode", "WAL"))
-            .map_err(|error| failure::explain(&place, &error))?;
+            .map_err(|error| match failure::is_damage(&error) {
+                true => self.explain(&error),
+                false => failure::explain(&place, &error),
+            })?;
         std::fs::File::open(name).and_then(|file| file.sync_all()).map_err(write)?;
         staged.persist_noclobber(path).map_err(|error| write(error.error))?;
         std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(write)

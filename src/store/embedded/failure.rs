@@ -40,6 +40,17 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
     StoreError::Failed { address: place.to_string(), reason }
 }
 
+/// Damage that SQLite does not notice.
+pub(super) fn damage(what: &str) -> Error {
+    Error::SqliteFailure(ffi::Error::new(ffi::SQLITE_CORRUPT), Some(what.to_owned()))
+}
+
+/// Refuses a document that does not come behind the one before it: a page that is another one's copy would be read
+/// again and again.
+pub(super) fn check_order(position: i64, before: i64) -> Result<(), Error> {
+    if position > before { Ok(()) } else { Err(damage("its documents are out of order")) }
+}
+
 /// Whether SQLite found the file damaged.
 pub(super) fn is_damage(error: &Error) -> bool {
     error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)

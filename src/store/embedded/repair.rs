@@ -172,7 +172,10 @@ fn collections(source: &Connection) -> rusqlite::Result<Vec<(i64, Namespace)>> {
 fn next(source: &Connection, collection: Collection, position: i64) -> rusqlite::Result<Option<Row>> {
     let table = collection.table();
     let sql = format!("SELECT position, body FROM {table} NOT INDEXED WHERE position > ? ORDER BY position LIMIT 1");
-    source.prepare_cached(&sql)?.query_row([position], |row| Ok((row.get(0)?, row.get(1)?))).optional()
+    let found: Option<Row> =
+        source.prepare_cached(&sql)?.query_row([position], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
+    found.iter().try_for_each(|(found, _)| failure::check_order(*found, position))?;
+    Ok(found)
 }
 
 /// The last position of a damaged part that begins behind `position`: the smallest behind which a
@@ -251,5 +254,47 @@ impl Embedded {
             self.fill(ns, collection, index)?;
         }
         Ok(made)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Find, Store as _};
+    use bson::doc;
+
+    /// A file of which one page of documents was overwritten with an earlier one.
+    fn with_a_page_twice(path: &Path) -> Namespace {
+        let ns = Namespace::parse("a.b").unwrap();
+        let store = Embedded::open(path).unwrap();
+        let text = "x".repeat(100);
+        store.insert(&ns, (0..600).map(|id| doc! { "_id": id, "text": &text }).collect()).unwrap();
+        let page = store.connection.query_row("PRAGMA page_size", [], |row| row.get::<_, u32>(0)).unwrap() as usize;
+        drop(store);
+        let mut bytes = std::fs::read(path).unwrap();
+        let has_documents = |nth: &usize| String::from_utf8_lossy(&bytes[nth * page..][..page]).contains(&text);
+        let pages: Vec<usize> = (1..bytes.len() / page).filter(has_documents).collect();
+        let (first, last) = (pages[1], pages[pages.len() - 2]);
+        bytes.copy_within(first * page..(first + 1) * page, last * page);
+        std::fs::write(path, bytes).unwrap();
+        ns
+    }
+
+    #[test]
+    fn a_page_that_is_there_twice_is_damage_and_not_read_for_ever() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let ns = with_a_page_twice(&path);
+        let store = Embedded::open(&path).unwrap();
+        let mut found = store.find(&ns, &Find::default()).unwrap();
+        let error = found.find_map(Result::err).expect("the damage is noticed");
+        assert!(error.to_string().contains("it is damaged"), "{error}");
+        let copy = folder.path().join("copy.rmem");
+        if let Err(error) = store.backup(&copy) {
+            assert!(error.to_string().contains("robot.rmem"), "{error}");
+        }
+        let saved = folder.path().join("saved.rmem");
+        let repaired = Embedded::salvage(&path, &saved).unwrap();
+        assert!(repaired.documents > 300 && !repaired.lost.is_empty(), "{repaired:?}");
     }
 }

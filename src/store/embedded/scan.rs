@@ -12,6 +12,7 @@
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
+use std::time::Instant;
 
 use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::params;
@@ -227,6 +228,7 @@ impl<'a> Scan<'a> {
 
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
     fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> More) -> Result<(), StoreError> {
+        self.store.check_time()?;
         let was_listed = matches!(self.rest, Rest::Listed(_));
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
@@ -276,7 +278,8 @@ impl<'a> Scan<'a> {
             if !is_match && nth < PAGE_ROWS {
                 continue;
             }
-            position = row.get(1)?;
+            let behind = std::mem::replace(&mut position, row.get(1)?);
+            failure::check_order(position, behind)?;
             if position > last {
                 return Ok(Rest::Nothing);
             }
@@ -399,6 +402,18 @@ impl Iterator for Scan<'_> {
                 self.page.clear();
                 return Some(Err(error));
             }
+        }
+    }
+}
+
+impl Embedded {
+    /// Refuses to go on reading where the time for it is over.
+    fn check_time(&self) -> Result<(), StoreError> {
+        match self.reads_until.get() {
+            Some(until) if Instant::now() >= until => {
+                Err(StoreError::Held { what: "what reads while writers wait takes too long".to_owned() })
+            }
+            _ => Ok(()),
         }
     }
 }
