@@ -127,9 +127,16 @@ impl Asked<'_> {
 
     /// Inserts a document where none matches and one is asked for; nothing where another client has just inserted one.
     fn insert(&self, alone: bool) -> Result<Option<Modified>, StoreError> {
-        let Modification::Update { update, array_filters, upsert: true } = self.modification else {
+        let Modification::Update { update, array_filters, upsert } = self.modification else {
             return Ok(Some(Modified::default()));
         };
+        if !upsert {
+            // An update of nothing is checked, too.
+            if alone {
+                compiled(update, array_filters)?;
+            }
+            return Ok(Some(Modified::default()));
+        }
         if !alone {
             // An upsert would change the document of another client, and not say how it was.
             let made = compiled(update, array_filters)?.upsert(self.filter, DateTime::now())?;

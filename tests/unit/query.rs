@@ -93,6 +93,18 @@ fn what_is_wrong_with_constants_is_said_before_there_is_a_document() {
 }
 
 #[test]
+fn paths_that_take_a_value_for_an_array_and_for_an_object_conflict() {
+    let code = |update: Document, filters: &[Document]| Update::parse(&update, filters).map(|_| 0).map_err(|e| e.code);
+    let one = [doc! {"e": {"$gt": 0}}];
+    assert_eq!(code(doc! {"$unset": {"d.$[e].b": ""}, "$pull": {"d.$.c": 1}}, &one), Err(40));
+    assert_eq!(code(doc! {"$max": {"d.$[]": 1}, "$inc": {"d.$.a": 1}}, &[]), Err(40));
+    assert_eq!(code(doc! {"$set": {"a.0.b": 1, "a.$[].c": 2}}, &[]), Err(40));
+    assert_eq!(code(doc! {"$rename": {"a.b": "z"}, "$set": {"a.$[].c": 2}}, &[]), Err(40));
+    assert_eq!(code(doc! {"$set": {"a.$[].b": 1, "a.$[e].b": 2}}, &one), Ok(0));
+    assert_eq!(code(doc! {"$set": {"a.b.$[].x": 1, "a.c.d": 2, "a.$.y": 3}}, &[]), Ok(0));
+}
+
+#[test]
 fn an_upsert_refuses_what_names_no_one_document() {
     let now = DateTime::from_millis(0);
     let set = Update::parse(&doc! {"$set": {"z": 1}}, &[]).unwrap();

@@ -1,6 +1,8 @@
 //! Update operators and their paths.
 
 use std::cmp::Ordering;
+use std::collections::HashMap;
+use std::fmt;
 
 use bson::Bson;
 
@@ -25,7 +27,7 @@ impl Modifier {
 }
 
 /// One part of a path of an update.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Segment {
     /// A field, or the element of that index.
     Name(String),
@@ -35,6 +37,17 @@ pub(super) enum Segment {
     All,
     /// `$[identifier]`: elements that pass an array filter.
     Filtered(String),
+}
+
+impl fmt::Display for Segment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(name) => f.write_str(name),
+            Self::Matched => f.write_str("$"),
+            Self::All => f.write_str("$[]"),
+            Self::Filtered(name) => write!(f, "$[{name}]"),
+        }
+    }
 }
 
 /// The action of an update operator.
@@ -154,7 +167,8 @@ fn spelled(segment: &Segment) -> &str {
     }
 }
 
-/// Refuses two paths of which one leads through the other.
+/// Refuses two paths of which one leads through the other, or which take the same value for an array and for something
+/// with fields.
 pub(super) fn check_conflicts(paths: &[(&[Segment], &str)]) -> Result<()> {
     let mut sorted: Vec<_> = paths.to_vec();
     sorted.sort_by(|a, b| order(a.0, b.0));
@@ -164,6 +178,27 @@ pub(super) fn check_conflicts(paths: &[(&[Segment], &str)]) -> Result<()> {
         {
             let message = format!("updating the path '{other}' would create a conflict at '{text}'");
             return Err(QueryError::invalid(40, message));
+        }
+    }
+    check_kinds(paths)
+}
+
+/// Refuses paths of which one has `$[]` or `$[identifier]` where another one that leads through the same value has a
+/// field, an index or `$`.
+fn check_kinds(paths: &[(&[Segment], &str)]) -> Result<()> {
+    let is_of_array = |segment: &Segment| matches!(segment, Segment::All | Segment::Filtered(_));
+    if !paths.iter().any(|(path, _)| path.iter().any(is_of_array)) {
+        return Ok(());
+    }
+    let mut kinds: HashMap<&[Segment], bool> = HashMap::new();
+    for (path, text) in paths {
+        for (depth, segment) in path.iter().enumerate() {
+            let (parent, is_array) = (path.get(..depth).unwrap_or_default(), is_of_array(segment));
+            if kinds.insert(parent, is_array).is_some_and(|before| before != is_array) {
+                let parent = parent.iter().map(Segment::to_string).collect::<Vec<_>>().join(".");
+                let message = format!("updating the path '{text}' would create a conflict at '{parent}'");
+                return Err(QueryError::invalid(40, message));
+            }
         }
     }
     Ok(())
