@@ -12,7 +12,7 @@ use super::resolve::Resolver;
 use super::table::Table;
 use super::vocabulary::{ObjectEntry, add_objects};
 use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
-use crate::formats::pddl::{Dialect, RESERVED, read_problem};
+use crate::formats::pddl::{Dialect, RESERVED, Seeded, read_problem};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// A problem whose names are all resolved against its domain.
@@ -256,6 +256,12 @@ fn counts_time(number: &Number) -> bool {
 
 impl Start {
     fn add(&mut self, element: &Init, resolver: &mut Resolver<'_, '_, '_>) {
+        if let Init::Atom(atom) = element
+            && let Some(fact) = plain_fact(atom, resolver)
+        {
+            self.facts.push(fact);
+            return;
+        }
         match element {
             Init::Atom(atom) if is_formula(atom, resolver) => {
                 let message = format!("`{}` cannot stand in `:init`, which lists facts and values", atom.name);
@@ -281,7 +287,8 @@ impl Start {
     /// Complains about what contradicts itself: two values of a function, a fact that is there and is not, a timed
     /// literal that becomes true and false at once.
     fn check(&self, init: &[Init], report: &mut Report<'_>) {
-        let mut values: HashMap<&[u32], f64> = HashMap::with_capacity(self.values.len());
+        let mut values: HashMap<&[u32], f64, Seeded> =
+            HashMap::with_capacity_and_hasher(self.values.len(), Seeded::default());
         let is_contradictory = self.values.iter().any(|(fluent, value)| {
             values.insert(fluent, *value).is_some_and(|before| before.partial_cmp(value) != Some(Ordering::Equal))
         });
@@ -292,7 +299,7 @@ impl Start {
             });
             contradictions(values, report, |what| format!("{what} has another value already"));
         }
-        let denied: HashSet<&[u32]> = self.denied.iter().map(AsRef::as_ref).collect();
+        let denied: HashSet<&[u32], Seeded> = self.denied.iter().map(AsRef::as_ref).collect();
         if !denied.is_empty() && self.facts.iter().any(|fact| denied.contains(fact.as_ref())) {
             let facts = init.iter().filter_map(|element| match element {
                 Init::Atom(atom) => Some((atom.to_string(), String::new(), atom.place.0)),
@@ -358,12 +365,37 @@ fn is_formula(atom: &Atom, resolver: &Resolver<'_, '_, '_>) -> bool {
 
 /// A fact of objects alone; nothing where that was complained about.
 fn ground_fact(atom: &Atom, resolver: &mut Resolver<'_, '_, '_>) -> Option<Box<[u32]>> {
+    let plain = plain_fact(atom, resolver);
+    if plain.is_some() {
+        return plain;
+    }
     let Fact { predicate, arguments } = resolver.fact(atom);
     if resolver.derived.contains(&predicate) {
         resolver.report.warning(atom.place.0, format!("`{}` is derived; stating it has no effect", atom.name));
         return None;
     }
     ground(predicate, &arguments)
+}
+
+/// A fact with nothing to say about, as most are: of a predicate that no rule derives, and of objects that fit.
+fn plain_fact(atom: &Atom, resolver: &Resolver<'_, '_, '_>) -> Option<Box<[u32]>> {
+    let predicate = resolver.vocabulary.predicates.find(atom.name.as_str())?;
+    let parameters = &resolver.vocabulary.predicates.get(predicate)?.parameters;
+    if parameters.len() != atom.arguments.len() || resolver.derived.contains(&predicate) {
+        return None;
+    }
+    let mut numbers = Vec::with_capacity(parameters.len() + 1);
+    numbers.push(predicate);
+    for (term, parameter) in atom.arguments.iter().zip(parameters) {
+        let Term::Name(name) = term else { return None };
+        let number = resolver.objects.find(name.as_str())?;
+        let kind = &resolver.objects.get(number)?.kind;
+        if kind != &parameter.kind && !resolver.vocabulary.types.fits(kind, &parameter.kind) {
+            return None;
+        }
+        numbers.push(number);
+    }
+    Some(numbers.into_boxed_slice())
 }
 
 fn ground(head: u32, arguments: &[Arg]) -> Option<Box<[u32]>> {

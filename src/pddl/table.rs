@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use crate::formats::pddl::Seeded;
 use crate::formats::pddl::ast::Name;
 
 /// How many names are looked at for a suggestion.
@@ -18,12 +19,12 @@ pub(super) trait Named {
 #[derive(Debug, Clone)]
 pub(super) struct Table<T> {
     items: Vec<T>,
-    index: HashMap<Arc<str>, u32>,
+    index: HashMap<Arc<str>, u32, Seeded>,
 }
 
 impl<T: Named> Table<T> {
     pub(super) fn new() -> Self {
-        Self { items: Vec::new(), index: HashMap::new() }
+        Self { items: Vec::new(), index: HashMap::default() }
     }
 
     /// Adds an item and returns its number, or returns the item whose name it has.

@@ -102,7 +102,8 @@ impl<'a> Portfolio<'a> {
                 let host = Host { interrupted: &stopped, ..host.clone() };
                 let share = pool.as_ref().map(|pool| pool.share(place));
                 scope.spawn(move || {
-                    let mut run = planner.attempt(task, &host, share, is_for_best);
+                    // The supervisor ends while the plan is simulated.
+                    let (mut run, _ending) = planner.attempt(task, &host, share, is_for_best);
                     run.simulate(task);
                     if run.outcome == Outcome::Unsolvable && !run.is_proven {
                         // Where rmem's own proof agrees, the other planners are stopped.

@@ -222,7 +222,7 @@ pub fn spaced(plan: &Plan, task: &Task<'_>) -> Option<(Plan, Validation)> {
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
 pub fn run(planner: &dyn Planner, task: &Task<'_>, limits: &Limits, host: &Host<'_>) -> Run {
-    PreparedPlanner::new(planner, limits, host).attempt(task, host, None, false)
+    PreparedPlanner::new(planner, limits, host).attempt(task, host, None, false).0
 }
 
 /// A planner whose program is there and waits for its task.
@@ -240,14 +240,15 @@ impl<'a> PreparedPlanner<'a> {
     }
 
     /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`. With `is_for_best`,
-    /// the best plan that a planner has when it is interrupted is its result.
+    /// the best plan that a planner has when it is interrupted is its result. What the run leaves ends by itself, and is
+    /// waited for where it is dropped.
     pub(super) fn attempt(
         mut self,
         task: &Task<'_>,
         host: &Host<'_>,
         share: Option<Share<'_>>,
         is_for_best: bool,
-    ) -> Run {
+    ) -> (Run, Ended) {
         let (planner, limits) = (self.planner, self.limits);
         if let Some(refusal) = refuse(planner, task) {
             return report(planner, Outcome::Unsupported, refusal.to_string(), &[], Ended::default());
@@ -291,7 +292,8 @@ impl<'a> PreparedPlanner<'a> {
         if outcome == Outcome::OutOfMemory && share.is_some() {
             message.push_str(", for all planners together");
         }
-        Run { is_without_costs, ..report(planner, outcome, message, &self.command, ended) }
+        let (run, ended) = report(planner, outcome, message, &self.command, ended);
+        (Run { is_without_costs, ..run }, ended)
     }
 }
 
@@ -511,13 +513,19 @@ fn restored(answer: Transcript, sent: &Sent) -> Plan {
     Plan { steps, cost: answer.cost }
 }
 
-fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[OsString], ended: Ended) -> Run {
+fn report(
+    planner: &dyn Planner,
+    outcome: Outcome,
+    message: String,
+    command: &[OsString],
+    mut ended: Ended,
+) -> (Run, Ended) {
     let shown = |(index, word): (usize, &OsString)| match index {
         // The program by its name: a stored plan does not record where it is installed.
         0 => Path::new(word).file_name().unwrap_or(word).to_string_lossy().into_owned(),
         _ => word.to_string_lossy().into_owned(),
     };
-    Run {
+    let run = Run {
         is_proven: outcome == Outcome::Unsolvable && planner.is_own(),
         code: ended.code(),
         limit: match ended.end {
@@ -537,7 +545,8 @@ fn report(planner: &dyn Planner, outcome: Outcome, message: String, command: &[O
         is_without_costs: false,
         why: None,
         message,
-        stdout: ended.stdout,
-        stderr: ended.stderr,
-    }
+        stdout: std::mem::take(&mut ended.stdout),
+        stderr: std::mem::take(&mut ended.stderr),
+    };
+    (run, ended)
 }

@@ -25,5 +25,5 @@ pub use error::PlanningError;
 pub use monitor::{Monitor, PlanState};
 pub use request::{DEFAULT_TIMEOUT, PlanRequest, SearchOptions};
 pub use result::{Note, PlanResult};
-pub use search::{PreparedSearch, prepare};
+pub use search::{PreparedSearch, prepare, prepare_started, start};
 pub use task::PlanningTask;

@@ -1,5 +1,6 @@
 //! What to plan for, and how.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::formats::Diagnostics;
@@ -28,7 +29,7 @@ pub struct PlanRequest {
     /// The problem, where the template was rendered before.
     pub generated: Option<Generated>,
     /// The planners; several race each other.
-    pub planners: Vec<Box<dyn Planner>>,
+    pub planners: Arc<[Box<dyn Planner>]>,
     /// How they are run, and where the plan goes.
     pub options: SearchOptions,
     /// The id of the plan whose task is planned for again.
@@ -57,11 +58,11 @@ impl PlanRequest {
     /// What is wrong with the domain.
     pub fn new(
         source: TaskSource,
-        planners: Vec<Box<dyn Planner>>,
+        planners: impl Into<Arc<[Box<dyn Planner>]>>,
         options: SearchOptions,
     ) -> Result<Self, Diagnostics> {
         let domain = source.read_domain()?;
-        Ok(Self { source, domain, generated: None, planners, options, rerun_of: None })
+        Ok(Self { source, domain, generated: None, planners: planners.into(), options, rerun_of: None })
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::{PlanRequest, PlanResult, PlanningError, PlanningTask};
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::planner::{Host, Outcome, Portfolio, Task};
+use crate::planner::{Host, Limits, Outcome, Planner, Portfolio, Task};
 use crate::process::NO_FILES;
 use crate::store::StoreError;
 
@@ -27,18 +27,37 @@ pub fn prepare<'a>(
     memory: &Memory,
     host: &Host<'_>,
 ) -> Result<PreparedSearch<'a>, PlanningError> {
-    let (portfolio, task) = thread::scope(|scope| {
-        let starting = scope.spawn(|| {
-            // An interruption has to wait until the supervisors can clean up.
-            let guard = InterruptGuard::new();
-            let portfolio = Portfolio::new(&request.planners, &request.options.limits(), host);
-            guard.end();
-            portfolio
-        });
-        let task = PlanningTask::instantiate(&request.source, request.generated.clone(), &request.domain, memory);
-        (starting.join().unwrap_or_else(|panic| resume_unwind(panic)), task)
+    let (task, portfolio) = thread::scope(|scope| {
+        let starting = scope.spawn(|| start(&request.planners, &request.options.limits(), host));
+        (instantiate(request, memory), starting.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     Ok(PreparedSearch { request, portfolio, task: task? })
+}
+
+/// As [`prepare`], where the planners' programs were started before the request was made.
+///
+/// # Errors
+/// Where the problem cannot be had, or is wrong.
+pub fn prepare_started<'a>(
+    request: &'a PlanRequest,
+    memory: &Memory,
+    starting: impl FnOnce() -> Portfolio<'a>,
+) -> Result<PreparedSearch<'a>, PlanningError> {
+    let task = instantiate(request, memory);
+    Ok(PreparedSearch { request, portfolio: starting(), task: task? })
+}
+
+/// Starts the planners' programs, which then wait for their task. Those that are not wanted end where this is dropped.
+pub fn start<'a>(planners: &'a [Box<dyn Planner>], limits: &Limits, host: &Host<'_>) -> Portfolio<'a> {
+    // An interruption has to wait until the supervisors can clean up.
+    let guard = InterruptGuard::new();
+    let portfolio = Portfolio::new(planners, limits, host);
+    guard.end();
+    portfolio
+}
+
+fn instantiate(request: &PlanRequest, memory: &Memory) -> Result<PlanningTask, PlanningError> {
+    PlanningTask::instantiate(&request.source, request.generated.clone(), &request.domain, memory)
 }
 
 impl<'a> PreparedSearch<'a> {

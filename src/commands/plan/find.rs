@@ -10,7 +10,7 @@ use crate::memory::Memory;
 use crate::output::{Format, Progress};
 use crate::plan::{self, PrintedPlan};
 use crate::planner::{self, Host, Listener, Outcome, Planner};
-use crate::planning::{self, Note, PlanRequest, PlanResult, PreparedSearch};
+use crate::planning::{self, Note, PlanRequest, PlanResult, PlanningError, PreparedSearch};
 use crate::store::Namespace;
 
 /// What a search gave.
@@ -30,6 +30,17 @@ pub(super) fn find(
     context: &mut Context<'_>,
 ) -> Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host());
+    find_prepared(request, prepared, sections, memory, context)
+}
+
+/// As [`find`], with the problem and the planners' programs.
+pub(super) fn find_prepared<'a>(
+    request: &'a PlanRequest,
+    prepared: Result<PreparedSearch<'a>, PlanningError>,
+    sections: SectionCounts,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<Found> {
     sections.report(prepared.as_ref().map(PreparedSearch::task), memory, context)?;
     let prepared = prepared?;
     sections.warn(&request.domain, prepared.task(), context);

@@ -1,10 +1,13 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
+use std::panic::resume_unwind;
+use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use clap::Args;
 
-use super::find::{choose, find};
+use super::find::{choose, find_prepared};
 use super::layout::Layout;
 use super::source::{self, SectionCounts, TaskArgs};
 use super::{show, watch};
@@ -12,7 +15,8 @@ use crate::commands::Context;
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::quantity;
-use crate::planning::{PlanRequest, SearchOptions};
+use crate::planner::Planner;
+use crate::planning::{self, PlanRequest, SearchOptions};
 use crate::store::Namespace;
 
 /// Find a plan, check it, store it, print it
@@ -58,14 +62,25 @@ pub struct LimitArgs {
 pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.format(&show::FORMATS)?;
     let planners = choose(&args.limits.planner, args.limits.anytime, context)?;
-    let source = source::read(&args.task, context)?;
-    let request = PlanRequest::new(source, planners, options(&args.limits))?;
-    let memory = context.memory()?;
     let sections = SectionCounts::from(&args.task.options);
-    match args.watch {
-        true => watch::run(request, sections, &memory, context),
-        false => Ok(find(&request, sections, &memory, context)?.exit),
+    if args.watch {
+        let source = source::read(&args.task, context)?;
+        let request = PlanRequest::new(source, planners, options(&args.limits))?;
+        let memory = context.memory()?;
+        return watch::run(request, sections, &memory, context);
     }
+    let planners: Arc<[Box<dyn Planner>]> = planners.into();
+    let (options, host) = (options(&args.limits), context.host());
+    // The planners' programs start while the domain is read and the problem is made.
+    thread::scope(|scope| {
+        let starting = scope.spawn(|| planning::start(&planners, &options.limits(), &host));
+        let source = source::read(&args.task, context)?;
+        let request = PlanRequest::new(source, planners.clone(), options.clone())?;
+        let memory = context.memory()?;
+        let started = || starting.join().unwrap_or_else(|panic| resume_unwind(panic));
+        let prepared = planning::prepare_started(&request, &memory, started);
+        Ok(find_prepared(&request, prepared, sections, &memory, context)?.exit)
+    })
 }
 
 fn options(limits: &LimitArgs) -> SearchOptions {

@@ -93,16 +93,20 @@ impl Reader<'_> {
     }
 
     /// The rest of a list that begins with `head`, if nothing but plain names is in it.
-    fn plain_atom(&mut self, tokens: &mut Tokens<'_>, open: usize, head: Span) -> Option<Atom> {
+    pub(super) fn plain_atom(&mut self, tokens: &mut Tokens<'_>, open: usize, head: Span) -> Option<Atom> {
         let name = self.plain_name(head)?;
-        if RESERVED.iter().any(|word| name.is(word)) || name.as_str().starts_with(['=', '<', '>']) {
+        if RESERVED.iter().any(|word| word.len() == name.as_str().len() && name.is(word))
+            || name.as_str().starts_with(['=', '<', '>'])
+        {
             return None;
         }
-        let mut arguments = Vec::new();
+        // Most atoms have as many as the one before.
+        let mut arguments = Vec::with_capacity(self.arity);
         loop {
             match tokens.next_token()? {
                 Token::Word(span) => arguments.push(Term::Name(self.plain_name(span)?)),
                 Token::Close(at) => {
+                    self.arity = arguments.len();
                     return Some(Atom { name, arguments, place: Place(Span::new(open, at + 1)) });
                 }
                 Token::Open(_) => return None,

@@ -11,12 +11,14 @@
 
 pub mod ast;
 mod foreign;
+mod goal;
 mod grammar;
 mod init;
 mod name_set;
 mod outline;
 pub mod portable;
 mod section;
+mod seeded;
 mod syntax;
 mod walk;
 mod write;
@@ -26,6 +28,7 @@ pub(crate) use init::RESERVED;
 pub use name_set::NameSet;
 pub(crate) use outline::{Token, Tokens};
 pub use section::{read_domain, read_problem};
+pub use seeded::{Seeded, SeededHasher};
 
 /// How deep brackets may nest, counted from `(define`.
 pub const MAX_DEPTH: usize = 200;

@@ -52,8 +52,14 @@ pub(super) fn outline(source: &Source, dialect: Dialect) -> Result<Outline, Flaw
     let mut tokens = Tokens::new(source.text(), 0);
     while let Some(token) = tokens.next_token() {
         match token {
-            Token::Open(at) => scan.open(at)?,
-            Token::Close(at) => scan.close(at)?,
+            Token::Open(at) => {
+                scan.open(at)?;
+                scan.skip_words(&mut tokens);
+            }
+            Token::Close(at) => {
+                scan.close(at)?;
+                scan.skip_words(&mut tokens);
+            }
             Token::Word(span) => {
                 if scan.bytes[span.start..].starts_with(b"//") {
                     if !dialect.lenient {
@@ -102,6 +108,13 @@ impl Scan<'_> {
         }
         self.open.push(at);
         Ok(())
+    }
+
+    /// Goes on to the next bracket or comment in a section, where words do not matter.
+    fn skip_words(&self, tokens: &mut Tokens<'_>) {
+        if self.open.len() >= 2 {
+            tokens.skip_words();
+        }
     }
 
     fn close(&mut self, at: usize) -> Result<(), Flaw> {
@@ -269,6 +282,23 @@ impl<'a> Tokens<'a> {
         }
     }
 
+    /// Goes on, behind a bracket, to the next bracket or to what may be a comment.
+    fn skip_words(&mut self) {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let mut is_start = true;
+        let end = rest.iter().position(|byte| {
+            let is_end = match byte {
+                b'(' | b')' | b';' => true,
+                // `//` is a comment where a word may begin, also behind a byte order mark.
+                b'/' | 0xEF => is_start,
+                _ => false,
+            };
+            is_start = matches!(byte, b' ' | b'\t'..=b'\r');
+            is_end
+        });
+        self.at += end.unwrap_or(rest.len());
+    }
+
     /// Goes on behind the line's end, from wherever the last token began.
     pub(super) fn skip_line(&mut self) {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
@@ -278,4 +308,40 @@ impl<'a> Tokens<'a> {
 
 fn ends_word(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r' | b'(' | b')' | b';')
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The brackets, and the words that are comments.
+    fn marks(text: &str, skips: bool) -> Vec<Token> {
+        let mut tokens = Tokens::new(text, 0);
+        let mut marks = Vec::new();
+        while let Some(token) = tokens.next_token() {
+            match token {
+                Token::Word(span) if text.as_bytes()[span.start..].starts_with(b"//") => {
+                    tokens.skip_line();
+                    marks.push(token);
+                }
+                Token::Word(_) => {}
+                _ => {
+                    marks.push(token);
+                    if skips {
+                        tokens.skip_words();
+                    }
+                }
+            }
+        }
+        marks
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_skipped_is_words_alone(text in "[() ;/\u{feff}\u{ff08}a\n\t:-]{0,60}") {
+            prop_assert_eq!(marks(&text, true), marks(&text, false));
+        }
+    }
 }

@@ -69,6 +69,8 @@ pub(super) struct Reader<'a> {
     pub(super) source: &'a Source,
     kind: Rule,
     pub(super) words: Words,
+    /// How many arguments the last plain atom had.
+    pub(super) arity: usize,
     /// The sections seen that may come only once.
     seen: Vec<(String, Span)>,
 }
@@ -89,8 +91,8 @@ const PROBLEM_SECTIONS: [&str; 8] =
     [":domain", ":requirements", ":objects", ":init", ":goal", ":constraints", ":metric", ":length"];
 
 impl<'a> Reader<'a> {
-    fn new(source: &'a Source, kind: Rule) -> Self {
-        Self { source, kind, words: Words::default(), seen: Vec::new() }
+    pub(super) fn new(source: &'a Source, kind: Rule) -> Self {
+        Self { source, kind, words: Words::default(), arity: 0, seen: Vec::new() }
     }
 
     /// The outline; where a list is not closed, the section's own fault if it has one.
@@ -202,7 +204,7 @@ impl<'a> Reader<'a> {
             ":requirements" => problem.requirements = self.requirements(section)?,
             ":objects" => problem.objects = self.names(section)?,
             ":init" => problem.init = self.init(section)?,
-            ":goal" => problem.goal = Some(self.condition(section, Rule::goal)?),
+            ":goal" => problem.goal = Some(self.goal(section)?),
             ":constraints" => problem.constraints = Some(self.condition(section, Rule::constraints)?),
             ":metric" => problem.metric = Some(self.section(section, Rule::metric, metric)?),
             _ => {
@@ -227,7 +229,7 @@ impl<'a> Reader<'a> {
         self.section(section, Rule::name_list, |walk, pair| walk.typed(parts(pair).next()?))
     }
 
-    fn condition(&mut self, section: Span, rule: Rule) -> Result<super::ast::Condition, Diagnostic> {
+    pub(super) fn condition(&mut self, section: Span, rule: Rule) -> Result<super::ast::Condition, Diagnostic> {
         self.section(section, rule, |walk, pair| walk.condition(parts(pair).next()?))
     }
 }

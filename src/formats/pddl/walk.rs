@@ -14,11 +14,12 @@ use super::ast::{
     Moment, Name, Operator, Place, Signature, Term, Type, Typed,
 };
 use super::grammar::{Rule, is_mark};
+use super::seeded::Seeded;
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Every spelling once, for all sections of a text.
 #[derive(Default)]
-pub(super) struct Words(HashSet<Arc<str>>);
+pub(super) struct Words(HashSet<Arc<str>, Seeded>);
 
 impl Words {
     pub(super) fn share(&mut self, word: &str) -> Arc<str> {

@@ -236,25 +236,53 @@ impl Display for Effect {
 
 impl Display for Problem {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "(define (problem {})", self.name)?;
-        if let Some(domain) = &self.domain {
+        BeforeInit(self).fmt(f)?;
+        self.init.iter().try_for_each(|element| {
+            f.write_str(ELEMENT)?;
+            element.fmt(f)
+        })?;
+        AfterInit(self).fmt(f)
+    }
+}
+
+/// What stands before each element of `:init`.
+pub(super) const ELEMENT: &str = "\n    ";
+
+/// A problem up to the first element of `:init`.
+pub(super) struct BeforeInit<'a>(pub(super) &'a Problem);
+
+impl Display for BeforeInit<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let problem = self.0;
+        write!(f, "(define (problem {})", problem.name)?;
+        if let Some(domain) = &problem.domain {
             write!(f, "\n  (:domain {domain})")?;
         }
-        write_section(f, ":requirements", &self.requirements)?;
-        write_typed_section(f, ":objects", &self.objects)?;
-        write_lines(f, ":init", &self.init)?;
-        if let Some(goal) = &self.goal {
+        write_section(f, ":requirements", &problem.requirements)?;
+        write_typed_section(f, ":objects", &problem.objects)?;
+        f.write_str("\n  (:init")
+    }
+}
+
+/// A problem from behind the last element of `:init` on.
+pub(super) struct AfterInit<'a>(pub(super) &'a Problem);
+
+impl Display for AfterInit<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let problem = self.0;
+        f.write_char(')')?;
+        if let Some(goal) = &problem.goal {
             write!(f, "\n  (:goal {goal})")?;
         }
-        if let Some(constraints) = &self.constraints {
+        if let Some(constraints) = &problem.constraints {
             write!(f, "\n  (:constraints {constraints})")?;
         }
-        if let Some(metric) = &self.metric {
+        if let Some(metric) = &problem.metric {
             write!(f, "\n  {metric}")?;
         }
-        if !self.length.is_empty() {
+        if !problem.length.is_empty() {
             f.write_str("\n  (:length")?;
-            self.length.iter().try_for_each(|(name, number)| write!(f, " ({name} {number})"))?;
+            problem.length.iter().try_for_each(|(name, number)| write!(f, " ({name} {number})"))?;
             f.write_char(')')?;
         }
         f.write_str(")\n")

@@ -65,8 +65,12 @@ impl Numbers {
     /// Takes the number of a step.
     fn take(&mut self, step: &Pair<'_, Rule>, line: usize) -> Result<Numbered, Gap> {
         let number = step.clone().into_inner().find(|part| part.as_rule() == Rule::integer);
-        let Some(number) = number else { return Ok(Numbered::Next) };
-        let (number, text) = (number.as_str().parse::<usize>().ok(), number.as_str());
+        number.map_or(Ok(Numbered::Next), |number| self.take_text(number.as_str(), line))
+    }
+
+    /// Takes the number of a step as it is written.
+    fn take_text(&mut self, text: &str, line: usize) -> Result<Numbered, Gap> {
+        let number = text.parse::<usize>().ok();
         let numbered = match (number, self.first) {
             (Some(number @ (0 | 1)), None) => {
                 self.first = Some(number);
@@ -113,6 +117,13 @@ impl Reader {
             self.place = Place::Before;
             return self.transcript.explain(line.text);
         }
+        if let Some((number, action)) = numbered_step(line) {
+            if self.place == Place::Plan {
+                let numbered = self.numbers.take_text(number, line.number);
+                self.take_step(numbered, action);
+            }
+            return;
+        }
         let Some(sentence) = sentence(line.text) else { return };
         match sentence.as_rule() {
             Rule::step | Rule::timed => self.step(sentence, line),
@@ -144,7 +155,12 @@ impl Reader {
         if self.place != Place::Plan {
             return;
         }
-        match self.numbers.take(&sentence, line.number) {
+        let numbered = self.numbers.take(&sentence, line.number);
+        self.take_step(numbered, action(sentence, line.number));
+    }
+
+    fn take_step(&mut self, numbered: Result<Numbered, Gap>, action: Option<Action>) {
+        match numbered {
             Ok(Numbered::Next) => {}
             Ok(Numbered::Again) => self.transcript.actions.clear(),
             Err(gap) => {
@@ -154,7 +170,7 @@ impl Reader {
                 return;
             }
         }
-        match action(sentence, line.number) {
+        match action {
             Some(action) if action.name.eq_ignore_ascii_case(PSEUDO_ACTION) => {}
             Some(action) => self.transcript.actions.push(action),
             None => {}
@@ -187,6 +203,25 @@ impl Reader {
             }
         }
     }
+}
+
+/// The number and the action of a line that is a step: plans have many, and each sentence of the grammar takes a while.
+fn numbered_step(line: Line<'_>) -> Option<(&str, Option<Action>)> {
+    let blank = |c: char| matches!(c, ' ' | '\t' | '\r');
+    let text = line.text.trim_matches(blank);
+    let text = text.strip_prefix("step").map_or(text, |rest| rest.trim_start_matches(blank));
+    let digits = text.bytes().take_while(u8::is_ascii_digit).count();
+    let (number, rest) = text.split_at_checked(digits).filter(|(number, _)| !number.is_empty())?;
+    let rest = rest.trim_start_matches(blank).strip_prefix(':')?;
+    if rest.contains(['(', ')', ';']) {
+        return None;
+    }
+    let mut names = rest.split(blank).filter(|name| !name.is_empty()).map(str::to_owned);
+    let action = names.next().map(|name| {
+        let arguments = names.collect();
+        Action { name, arguments, start: None, duration: None, line: line.number }
+    });
+    Some((number, action))
 }
 
 /// The sentence a line is.
@@ -279,6 +314,40 @@ mod tests {
             .iter()
             .map(|action| format!("{} {}", action.name, action.arguments.join(" ")).trim().to_owned())
             .collect()
+    }
+
+    #[test]
+    fn a_step_is_what_the_grammar_reads() {
+        let lines = [
+            "step    0: PICK-UP B",
+            "   12:GO a  b\t c \r",
+            "step",
+            "step 3:",
+            "4 : a",
+            "step5 :x:y z",
+            "0.5: (go a) [2]",
+            "1: (go a)",
+            "1: a;b",
+            "1:: a",
+            ":",
+            "step a: b",
+            "stepp 1: a",
+            "7",
+            "7a: b",
+            "time spent:    0.00 seconds",
+            "",
+            "1: é ü",
+            "1:\u{a0}a",
+        ];
+        for text in lines {
+            let line = Line { number: 8, offset: 0, text };
+            let read = sentence(text).filter(|sentence| sentence.as_rule() == Rule::step);
+            let number =
+                |step: &Pair<'_, Rule>| inner(step.clone(), Rule::integer).map(|number| number.as_str().to_owned());
+            let read = read.and_then(|step| Some((number(&step)?, action(step, 8))));
+            let plain = numbered_step(line).map(|(number, action)| (number.to_owned(), action));
+            assert_eq!(plain, read, "{text:?}");
+        }
     }
 
     #[test]

@@ -340,7 +340,7 @@ impl<'a> Relaxed<'a> {
             Formula::Fact(fact) => {
                 let ground = self.state.ground(fact.predicate, &fact.arguments, objects)?;
                 let is_derived = self.state.domain.derived.contains(&fact.predicate);
-                Ok(is_derived || !self.state.facts.contains(&ground) || self.gone.contains(&ground))
+                Ok(is_derived || !self.state.facts.contains(ground.as_ref()) || self.gone.contains(&ground))
             }
             Formula::Same(Arg::Fluent, _) | Formula::Same(_, Arg::Fluent) => Ok(true),
             Formula::Same(..) => Ok(!self.state.is_true(formula, objects)?),

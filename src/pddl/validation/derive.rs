@@ -86,7 +86,9 @@ impl State<'_> {
         if index.predicates().any(|predicate| self.domain.derived.contains(&predicate)) {
             self.derive()?;
         }
-        self.facts.iter().chain(self.derived.borrow().iter().flatten()).for_each(|fact| index.add(fact));
+        let derived = self.derived.borrow();
+        self.facts.iter().map(AsRef::as_ref).for_each(|fact| index.add(fact));
+        derived.iter().flatten().for_each(|fact| index.add(fact));
         // Of several ways to mend a plan, the same one is found every time.
         index.sort();
         Ok(index)

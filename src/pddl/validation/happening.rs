@@ -244,8 +244,8 @@ impl State<'_> {
             Point::End(step) => Event::End(text(instances, *step)),
             Point::Literal(_) => Event::Literal,
         };
-        let adds = changes.adds.iter().filter(|fact| !self.facts.contains(*fact)).collect();
-        let is_gone = |fact: &&Ground| self.facts.contains(*fact) && !changes.adds.contains(*fact);
+        let adds = changes.adds.iter().filter(|fact| !self.facts.contains(fact.as_ref())).collect();
+        let is_gone = |fact: &&Ground| self.facts.contains(fact.as_ref()) && !changes.adds.contains(*fact);
         let mut values: Vec<(String, Ground)> =
             changes.values.keys().map(|fluent| (self.ground_function_text(fluent), fluent.clone())).collect();
         values.sort();

@@ -38,9 +38,9 @@ impl Index {
     }
 
     /// Keeps a fact if its predicate is watched.
-    pub(super) fn add(&mut self, fact: &Ground) {
+    pub(super) fn add(&mut self, fact: &[u32]) {
         if let Some(table) = fact.first().and_then(|predicate| self.tables.get_mut(predicate)) {
-            table.add(fact.clone());
+            table.add(fact.into());
         }
     }
 

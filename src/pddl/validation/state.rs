@@ -1,5 +1,6 @@
 //! What is true, what has which value, and the objects there are.
 
+use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
@@ -9,6 +10,7 @@ use super::program::Program;
 use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
 use super::trace::Happening;
+use crate::formats::pddl::Seeded;
 use crate::pddl::domain::Domain;
 use crate::pddl::model::{Arg, Formula};
 use crate::pddl::problem::Problem;
@@ -16,6 +18,9 @@ use crate::pddl::types::TypeSet;
 
 /// A predicate or function with its arguments, by their numbers.
 pub(in crate::pddl) type Ground = Box<[u32]>;
+
+/// The facts that hold; those that the problem has are borrowed from it, as it may have millions.
+pub(in crate::pddl) type Facts<'a> = HashSet<Cow<'a, [u32]>, Seeded>;
 
 /// The slot of a variable without a value.
 pub(in crate::pddl) const UNBOUND: u32 = u32::MAX;
@@ -30,8 +35,8 @@ pub(in crate::pddl) type Bindings = Vec<u32>;
 pub(in crate::pddl) struct State<'a> {
     pub(in crate::pddl) domain: &'a Domain,
     pub(in crate::pddl) problem: &'a Problem,
-    pub(in crate::pddl) facts: HashSet<Ground>,
-    pub(super) values: HashMap<Ground, f64>,
+    pub(in crate::pddl) facts: Facts<'a>,
+    pub(super) values: HashMap<Ground, f64, Seeded>,
     /// What the rules derive from the facts, where a condition has asked.
     pub(super) derived: RefCell<Option<HashSet<Ground>>>,
     /// The rules as they are applied.
@@ -68,7 +73,7 @@ impl<'a> State<'a> {
     /// The initial state. Costs begin at zero unless the problem sets them, as in every planner that counts them.
     pub(in crate::pddl) fn new(domain: &'a Domain, problem: &'a Problem) -> Self {
         let functions = &domain.vocabulary.functions;
-        let mut values: HashMap<Ground, f64> = HashMap::new();
+        let mut values: HashMap<Ground, f64, Seeded> = HashMap::default();
         if let Some(cost) = functions.find("total-cost") {
             values.insert([cost].into(), 0.0);
         }
@@ -84,7 +89,7 @@ impl<'a> State<'a> {
             problem,
             looked_at,
             rules_compute: domain.rules.iter().any(|rule| compares(&rule.condition)),
-            facts: problem.start.facts.iter().cloned().collect(),
+            facts: problem.start.facts.iter().map(|fact| Cow::Borrowed(fact.as_ref())).collect(),
             values,
             derived: RefCell::new(None),
             program: OnceCell::new(),
@@ -148,7 +153,7 @@ impl<'a> State<'a> {
     pub(super) fn holds(&self, fact: &Ground) -> Result<bool, EvaluationError> {
         let is_derived = fact.first().is_some_and(|predicate| self.domain.derived.contains(predicate));
         if !is_derived {
-            return Ok(self.facts.contains(fact));
+            return Ok(self.facts.contains(fact.as_ref()));
         }
         self.derive()?;
         Ok(self.derived.borrow().as_ref().is_some_and(|derived| derived.contains(fact)))

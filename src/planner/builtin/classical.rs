@@ -57,7 +57,11 @@ pub(super) fn plan(
     send: &mut dyn FnMut(Message<'_>),
 ) -> Result<Answer, SolveError> {
     match convert(domain, problem) {
-        Ok(lifted) => search(&lifted, memory(), options, send),
+        Ok(lifted) => {
+            let answer = search(&lifted, memory(), options, send);
+            options.free(lifted);
+            answer
+        }
         Err(_) => Ok(Answer::Declined),
     }
 }
@@ -89,13 +93,15 @@ fn search(
         });
     }
     let mut search = Search { task: &task, states: 0, obstacle: None, send };
-    Ok(match search.solve(memory, u64::MAX, options) {
+    let answer = match search.solve(memory, u64::MAX, options) {
         End::Solved => Answer::Solved,
         End::Unsolvable => Answer::None(NoPlan::Exhausted),
         End::Full | End::Spent => {
             Answer::None(NoPlan::Full(format!("it had found more than {} states", search.states)))
         }
-    })
+    };
+    options.free(task);
+    Ok(answer)
 }
 
 /// What becomes of a task with numbers after some work.

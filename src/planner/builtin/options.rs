@@ -12,6 +12,13 @@ pub struct Options {
 }
 
 impl Options {
+    /// Gives back what is not needed any more; where the process says plans and ends, its end does that at once.
+    pub(super) fn free<T>(self, value: T) {
+        if self.streamed {
+            std::mem::forget(value);
+        }
+    }
+
     /// Whether plans are said before the search for better ones is over.
     pub(super) fn says_each(self) -> bool {
         self.anytime || self.streamed

@@ -146,7 +146,9 @@ fn answer(
         true => timeless(&task, &instance, options, &mut teller)?,
         false => timed(&task, &instance, options, (domain, problem), &mut teller)?,
     };
-    Ok(teller.finish(reason))
+    let reason = teller.finish(reason);
+    options.free((task, instance));
+    Ok(reason)
 }
 
 fn timeless(

@@ -22,7 +22,6 @@ use std::sync::atomic::AtomicBool;
 use crate::formats::pddl::ast::{Domain, Init, Problem};
 use crate::formats::plan::Action;
 use names::Names;
-use rewrite::rewrite;
 
 /// A task as it is sent, and the way back.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -51,8 +50,8 @@ pub(crate) fn try_send(
     interrupted: &AtomicBool,
 ) -> Option<Sent> {
     let mut names = Names::new(domain, problem, known);
-    let domain_text = rewrite(&mut names, domain, interrupted)?;
-    let problem_text = rewrite(&mut names, without_denials(problem).as_ref(), interrupted)?;
+    let domain_text = rewrite::domain(&mut names, domain, interrupted)?;
+    let problem_text = rewrite::problem(&mut names, without_denials(problem).as_ref(), interrupted)?;
     let actions = domain.actions.iter().map(|action| &action.name);
     let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
     let constants = domain.constants.iter().map(|constant| &constant.name);

@@ -171,11 +171,30 @@ pub(super) fn is_added(name: &str, head: Head) -> bool {
     !is_meant && ADDED.iter().any(|added| added.eq_ignore_ascii_case(name))
 }
 
-/// Whether every planner reads the name as it is, once it is in lower case.
-pub(super) fn is_plain_but_for_case(name: &str) -> bool {
-    name.len() <= LONGEST
-        && name.starts_with(|c: char| c.is_ascii_alphabetic())
-        && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-')
+/// How a name is spelled.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Spelling {
+    /// As every planner reads it.
+    Plain,
+    /// So, once it is in lower case.
+    PlainButForCase,
+    Other,
+}
+
+/// Looks at the spelling of a name, once for each letter: tasks have millions of names.
+pub(super) fn spelling(name: &str) -> Spelling {
+    if name.len() > LONGEST || !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        return Spelling::Other;
+    }
+    let mut spelling = Spelling::Plain;
+    for byte in name.bytes() {
+        match byte {
+            b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-' => {}
+            b'A'..=b'Z' => spelling = Spelling::PlainButForCase,
+            _ => return Spelling::Other,
+        }
+    }
+    spelling
 }
 
 /// Whether every planner reads the (lower-case) name as it is.

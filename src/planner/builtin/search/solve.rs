@@ -102,9 +102,9 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
         Ok(found) => found,
         Err(end) => return end,
     };
-    drop(searches);
     let plan = eliminate(task, &init, &plan);
     report(Event::Plan(&plan));
+    drop(searches);
     let work = match settings.improvement {
         Improvement::Brief => 0,
         Improvement::Bounded => (spent / 4).clamp(BOUNDED.start, BOUNDED.end),
