@@ -131,12 +131,15 @@ impl Memory {
         let before = self.computables.computed.borrow().len();
         let depth = self.computables.running.borrow().len();
         self.computables.within.set(Some(Within { depth, is_refused: false }));
-        let mut kept = None;
+        let (mut kept, mut is_known) = (None, false);
         let made = cache::write(*store, || {
             if !entry.is_still(former)? {
                 return Ok(());
             }
+            let begun = store.state();
             let (documents, took) = self.timed(renewal)?;
+            // Nothing else was written since the computables were read, and by the body neither.
+            is_known = store.state() == begun && self.has_read_computables(definition, entry.seen(), begun);
             let life = self.life(renewal);
             entry.clear(former)?;
             let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
@@ -149,7 +152,12 @@ impl Memory {
         });
         let is_refused = self.computables.within.take().is_some_and(|within| within.is_refused);
         match made {
-            Ok(()) => Ok(kept),
+            Ok(()) => {
+                if let Some((held, ..)) = kept.as_ref().filter(|_| is_known) {
+                    self.keep_computables_read(&definition.namespace, held.state);
+                }
+                Ok(kept)
+            }
             // Nothing of it was kept.
             Err(_) if is_refused => {
                 self.computables.computed.borrow_mut().truncate(before);
