@@ -16,21 +16,36 @@ use super::nesting::{MAX_DEPTH, check};
 /// # Errors
 /// If the bytes are invalid or nested too deeply, as [`check`](super::check) says.
 pub fn decode(document: &RawDocument) -> Result<Document> {
-    if let Some(decoded) = fields(document.as_bytes(), MAX_DEPTH) {
+    decode_but(document, "")
+}
+
+/// The same, with null in place of a document of that name, which is not read.
+///
+/// # Errors
+/// As above; the document that is not read has to be valid, too.
+pub fn decode_but(document: &RawDocument, unread: &str) -> Result<Document> {
+    let mut decoded = Document::new();
+    if fields(document.as_bytes(), MAX_DEPTH, unread, &mut decoded).is_some() {
         return Ok(decoded);
     }
     check(document)?;
     Ok(Document::try_from(document)?)
 }
 
-/// The fields of a document of at most so many levels; none where the library has to decode it.
-fn fields(bytes: &[u8], levels: usize) -> Option<Document> {
-    let mut decoded = Document::new();
+/// Decodes the fields of a document of at most so many levels; none where the library has to do so.
+fn fields(bytes: &[u8], levels: usize, unread: &str, decoded: &mut Document) -> Option<()> {
     for element in elements(bytes, levels)? {
         let element = element?;
-        decoded.insert(element.name()?, value(element, levels)?);
+        let name = element.name()?;
+        let is_read = element.type_code != 0x03 || unread.is_empty() || name != unread;
+        decoded.insert(name, if is_read { value(element, levels)? } else { valid(element.value)? });
     }
-    Some(decoded)
+    Some(())
+}
+
+/// Null in place of a valid document.
+fn valid(bytes: &[u8]) -> Option<Bson> {
+    check(RawDocument::from_bytes(bytes).ok()?).ok().map(|()| Bson::Null)
 }
 
 /// The values of an array of at most so many levels.
@@ -63,7 +78,11 @@ fn value(element: Element<'_>, levels: usize) -> Option<Bson> {
     Some(match element.type_code {
         0x01 => Bson::Double(f64::from_le_bytes(bytes.try_into().ok()?)),
         0x02 => Bson::String(string(bytes)?.to_owned()),
-        0x03 => Bson::Document(fields(bytes, levels - 1)?),
+        0x03 => {
+            let mut inner = Document::new();
+            fields(bytes, levels - 1, "", &mut inner)?;
+            Bson::Document(inner)
+        }
         0x04 => Bson::Array(items(bytes, levels - 1)?),
         0x05 => Bson::Binary(binary(bytes)?),
         0x07 => Bson::ObjectId(ObjectId::from_bytes(bytes.try_into().ok()?)),
@@ -131,6 +150,19 @@ mod tests {
         let twice = b"\x13\0\0\0\x10a\0\x01\0\0\0\x10a\0\x02\0\0\0\0";
         let twice = RawDocument::from_bytes(twice).unwrap();
         assert_eq!(decode(twice).unwrap(), expected(twice).unwrap());
+    }
+
+    #[test]
+    fn a_document_that_is_not_read_has_to_be_valid() {
+        let inner = doc! { "b": [1, { "c": 2 }] };
+        let raw = RawDocumentBuf::try_from(&doc! { "a": inner.clone(), "in": { "a": 1 }, "d": 2 }).unwrap();
+        assert_eq!(decode_but(&raw, "a").unwrap(), doc! { "a": Bson::Null, "in": { "a": 1 }, "d": 2 });
+        let mut damaged = raw.into_bytes();
+        let at = damaged.windows(2).position(|bytes| bytes == b"c\0").unwrap();
+        damaged[at - 1] = 0x7E;
+        assert!(decode_but(RawDocument::from_bytes(&damaged).unwrap(), "a").is_err());
+        let other = RawDocumentBuf::try_from(&doc! { "a": 1, "d": inner }).unwrap();
+        assert_eq!(decode_but(&other, "a").unwrap(), decode(&other).unwrap());
     }
 
     #[test]

@@ -50,7 +50,7 @@ mod zone;
 
 pub use collation::Collation;
 pub use compare::{compare, compare_values};
-pub use decode::decode;
+pub use decode::{decode, decode_but};
 pub use distinct::Distinct;
 pub use element::{extent, field};
 pub use error::QueryError;

@@ -65,20 +65,30 @@ impl Connection<'_> {
             Counters::add(&self.host.server.counters.received, bytes.len());
             let message = Message::parse(&bytes)?;
             drop(bytes);
-            let (reply, wants_reply, form) = (Reply::to(&message), message.wants_reply, message.form);
-            let (answer, goes_on) = self.answer(message, form);
-            if wants_reply {
-                let bytes = reply.bytes(&answer);
-                Counters::add(&self.host.server.counters.sent, bytes.len());
-                self.reader.get_mut().write_all(&bytes)?;
-                self.reader.get_mut().flush()?;
-            }
+            let goes_on = self.reply(message)?;
             self.client.is_busy.store(false, Ordering::SeqCst);
             if !goes_on || self.host.server.is_stopping() {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// Answers a message.
+    fn reply(&mut self, message: Message) -> Result<GoesOn, WireError> {
+        let (reply, wants_reply, form) = (Reply::to(&message), message.wants_reply, message.form);
+        let server = Arc::clone(&self.host.server);
+        server.turns.begin();
+        let (answer, goes_on) = self.answer(message, form);
+        let sent = if wants_reply { self.send(&reply.bytes(&answer)) } else { Ok(()) };
+        server.turns.end();
+        sent.map(|()| goes_on)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), WireError> {
+        Counters::add(&self.host.server.counters.sent, bytes.len());
+        self.reader.get_mut().write_all(bytes)?;
+        Ok(self.reader.get_mut().flush()?)
     }
 
     /// Waits for a message; for letters, too, where there are cursors that others may read.

@@ -103,7 +103,7 @@ impl<'m> Host<'m> {
     /// Waits for the answer to a question, answering letters meanwhile.
     pub(super) fn wait(&mut self, question: Question) -> Answer {
         loop {
-            match self.inbox.receive(TICK) {
+            match self.server.turns.paused(|| self.inbox.receive(TICK)) {
                 Some(Letter::Answer(number, answer)) if question.is(number) => return answer,
                 Some(letter) => self.handle(letter),
                 None => self.expire(),
@@ -209,7 +209,7 @@ impl<'m> Host<'m> {
     pub(super) fn wait_for_changes(&mut self, calls: u64, until: Instant) {
         let slice = if self.has_cursors() { Duration::from_millis(5) } else { Duration::from_secs(1) };
         let left = until.saturating_duration_since(Instant::now());
-        self.server.hub.wait(calls, left.min(slice));
+        self.server.turns.paused(|| self.server.hub.wait(calls, left.min(slice)));
         self.handle_letters();
     }
 }

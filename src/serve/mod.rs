@@ -44,6 +44,7 @@ mod stream;
 pub mod systemd;
 mod tls;
 mod transaction;
+mod turns;
 mod wire;
 mod writer;
 

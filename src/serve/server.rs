@@ -20,6 +20,7 @@ use super::job::{Job, JobQueue};
 use super::session::Sessions;
 use super::snapshot::Readings;
 use super::stream::Handle;
+use super::turns::Turns;
 use crate::memory::Memory;
 use crate::store::StoreError;
 use crate::store::embedded::Notifier;
@@ -60,6 +61,7 @@ pub struct Server {
     pub(super) sessions: Sessions,
     pub(super) readings: Readings,
     pub(super) clock: Clock,
+    pub(super) turns: Turns,
     pub(super) counters: Counters,
     pub(super) started: DateTime,
     pub(super) since: Instant,
@@ -99,6 +101,7 @@ impl Server {
             sessions: Sessions::default(),
             readings: Readings::default(),
             clock: Clock::default(),
+            turns: Turns::default(),
             counters: Counters::default(),
             started: DateTime::now(),
             since: Instant::now(),

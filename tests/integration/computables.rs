@@ -67,6 +67,7 @@ const SHARED: &[(&str, Case)] = cases![
     those_who_ask_when_its_time_is_over_compute_once,
     what_begins_to_need_another_one_sees_its_documents,
     what_begins_to_take_long_is_computed_once,
+    what_the_memory_keeps_is_seen_after_a_computation_whose_time_was_over,
     answers_are_whole_while_others_compute,
 ];
 
@@ -692,6 +693,36 @@ fn what_the_memory_keeps_is_seen_by_all(lab: &Lab) {
     soon(|| ask(&one) == 0);
     assert_eq!(settings.count(&lab.ns("x"), &doc! {}).unwrap(), 0);
     assert!(other.forget_computable("low").unwrap().is_none());
+}
+
+fn what_the_memory_keeps_is_seen_after_a_computation_whose_time_was_over(lab: &Lab) {
+    let (one, other) = (lab.memory(Vec::new()), lab.memory(Vec::new()));
+    lab.blocks(&one);
+    let ask = || texts(&one, &lab.ns("x"), doc! { "relation": "on-table" }, "object");
+    let again = || {
+        // Behind the first one, each is a part of the write that stores it.
+        for _ in 0..4 {
+            ask();
+            std::thread::sleep(Duration::from_millis(3));
+        }
+    };
+    let often = Definition { name: "often".into(), cache: Some(Duration::from_millis(1)), ..lab.low() };
+    one.keep_computables(&[vec![often]]).unwrap();
+    again();
+    assert_eq!(ask(), ["A", "C"]);
+    let high = doc! { "$match": { "z": { "$gt": 1 } } };
+    let object = doc! { "$project": { "_id": 0, "relation": "on-table", "object": "$block" } };
+    let more = || lab.pipeline("more", doc! { "relation": "on-table" }, "blocks", vec![high.clone(), object.clone()]);
+    other.keep_computables(&[vec![more()]]).unwrap();
+    soon(|| ask() == ["A", "B", "C"]);
+    assert!(other.forget_computable("more").unwrap().is_some());
+    soon(|| ask() == ["A", "C"]);
+    again();
+    one.keep_computables(&[vec![more()]]).unwrap();
+    assert_eq!(ask(), ["A", "B", "C"]);
+    again();
+    assert!(one.forget_computable("often").unwrap().is_some());
+    assert_eq!(ask(), ["B"]);
 }
 
 /// Waits until something holds.

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use super::definition::Definition;
 use crate::process::holder::{Holder, Life};
-use crate::query::QueryError;
+use crate::query::{QueryError, decode};
 use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The collection of the entries.
@@ -122,6 +122,11 @@ impl<'a> Entry<'a> {
         Self { store, asked, records: records(asked), key, seen: Cell::default() }
     }
 
+    /// The state of the store in which the entry was read last.
+    pub(super) fn seen(&self) -> Option<(i64, u64)> {
+        self.seen.get()
+    }
+
     /// How the entry stands at a time. What ends further ahead than `cache`, by more than
     /// [`CLOCK_SKEW`], was written under another clock, and does not count.
     pub(super) fn state(&self, now: DateTime, cache: Duration) -> Result<State, StoreError> {
@@ -132,7 +137,7 @@ impl<'a> Entry<'a> {
         })?;
         let found = found.and_then(|mut found| found.next()).transpose()?;
         let Some(found) = found else { return Ok(State::Stale(None)) };
-        let entry = Document::try_from(&*found).map_err(QueryError::from)?;
+        let entry = decode(&found)?;
         match state(&entry, now, after(now, cache.saturating_add(CLOCK_SKEW))) {
             good @ State::Good { .. } => {
                 let former = former(&entry);

@@ -5,7 +5,6 @@ use std::rc::Rc;
 use bson::{DateTime, Document};
 
 use super::cache::{Entry, State};
-use super::key;
 use super::registry::Computable;
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -65,7 +64,7 @@ impl Memory {
             return Ok(Verdict::Unneeded(computable.spec.missed(query)?));
         }
         let Some(cache) = computable.definition.cache else { return Ok(Verdict::Runs) };
-        let entry = Entry::new(self.routes.reading(ns)?, ns, key::of(&computable.definition, query));
+        let entry = Entry::new(self.routes.reading(ns)?, ns, computable.key(query));
         Ok(match entry.state(self.clock.now(), cache)? {
             State::Good { until, documents, .. } => Verdict::Cached { until, documents },
             State::Busy { .. } => Verdict::Busy,

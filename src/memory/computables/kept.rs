@@ -68,6 +68,26 @@ impl Memory {
         Ok(registry)
     }
 
+    /// Whether the computables that a query may need are those of a state of the store behind which one write begins.
+    pub(super) fn has_read_computables(
+        &self,
+        definition: &Definition,
+        state: Option<(i64, u64)>,
+        begun: Option<(i64, u64)>,
+    ) -> bool {
+        let ns = &definition.namespace;
+        let is_next = state.zip(begun).is_some_and(|(state, begun)| begun == (state.0, state.1 + 1));
+        let read = || self.computables.kept.borrow().get(&ns.database).map(|kept| kept.state == state);
+        is_next && !ns.is_own() && read() == Some(true)
+    }
+
+    /// Says that the computables are as they were read: what was written since is not about them.
+    pub(super) fn keep_computables_read(&self, ns: &Namespace, state: Option<(i64, u64)>) {
+        if let Some(kept) = self.computables.kept.borrow_mut().get_mut(&ns.database) {
+            kept.state = state;
+        }
+    }
+
     /// What a collection of computables has, in the order in which they were added.
     fn records(&self, place: &Namespace) -> Result<Vec<RawDocumentBuf>, StoreError> {
         let Some(store) = self.routes.existing(place)? else { return Ok(Vec::new()) };

@@ -1,13 +1,16 @@
 //! The computables of a memory, and which of them a query needs.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
 use bson::{Bson, Document, doc};
+use sha2::Sha256;
 
 use super::body::Body;
 use super::bounds::Bounds;
 use super::definition::{Definition, Origin};
+use super::key;
 use super::spec::{Slot, Spec};
 use crate::formats::shell;
 use crate::process::Host;
@@ -20,9 +23,16 @@ pub struct Computable {
     pub definition: Definition,
     pub(super) body: Box<dyn Body>,
     pub(super) spec: Spec,
+    /// What its keys begin with, once one was asked for.
+    digest: OnceCell<Sha256>,
 }
 
 impl Computable {
+    /// The key under which its answer to a query is kept.
+    pub(super) fn key(&self, query: &Document) -> String {
+        key::of(self.digest.get_or_init(|| key::begin(&self.definition)), query)
+    }
+
     /// What computes, in a line.
     #[must_use]
     pub fn describe(&self) -> String {
@@ -149,7 +159,7 @@ impl Registry {
         let spec = Spec::parse(&definition.spec)?;
         // Of equal priorities, the later registered runs first.
         let at = self.computables.partition_point(|other| other.definition.priority > definition.priority);
-        self.computables.insert(at, Rc::new(Computable { definition, body, spec }));
+        self.computables.insert(at, Rc::new(Computable { definition, body, spec, digest: OnceCell::new() }));
         Ok(())
     }
 

@@ -129,23 +129,26 @@ impl Memory {
 
     /// Computes within the transaction that stores what that gives. Returns nothing where another process was quicker.
     fn renew_within(&self, renewal: &Renewal<'_>, former: &Former) -> Result<Option<Obtained>, StoreError> {
-        let Renewal { store, entry, .. } = renewal;
+        let Renewal { store, entry, wanted, .. } = renewal;
+        let definition = &wanted.computable.definition;
         let (token, mut until) = (object_id::new(), None);
         let before = self.computables.computed.borrow().len();
         let depth = self.computables.running.borrow().len();
         self.computables.within.set(Some(Within { depth, is_refused: false }));
-        let mut kept = None;
+        let (mut kept, mut is_known) = (None, false);
         let made = cache::write(*store, || {
             if !entry.is_still(former)? {
                 return Ok(());
             }
-            let mut computed = (Vec::new(), None);
+            let (begun, mut computed) = (store.state(), (Vec::new(), None));
             let end = *until.insert(Instant::now() + BRIEF);
             store.reading_until(end, &mut || {
                 computed = self.timed(renewal)?;
                 Ok(())
             })?;
             let (documents, took) = computed;
+            // Nothing else was written since the computables were read, and by the body neither.
+            is_known = store.state() == begun && self.has_read_computables(definition, entry.seen(), begun);
             let life = self.life(renewal);
             let ids = self.keep(renewal, Some(former), documents, token, life)?;
             entry.replace(former, Done { token, ids: &ids, life, took })?;
@@ -156,7 +159,12 @@ impl Memory {
         });
         let is_refused = self.computables.within.take().is_some_and(|within| within.is_refused);
         match made {
-            Ok(()) => Ok(kept),
+            Ok(()) => {
+                if let Some((held, ..)) = kept.as_ref().filter(|_| is_known) {
+                    self.keep_computables_read(&definition.namespace, held.state);
+                }
+                Ok(kept)
+            }
             // Nothing of it was kept.
             Err(_) if is_refused || until.is_some_and(|until| Instant::now() >= until) => {
                 self.computables.computed.borrow_mut().truncate(before);

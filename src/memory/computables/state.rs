@@ -10,7 +10,6 @@ use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::alone::Once;
 use super::definition::Definition;
-use super::key;
 use super::registry::{Computable, Registry};
 use super::report::Computed;
 use super::view::View;
@@ -91,7 +90,7 @@ pub(super) struct Wanted<'a> {
 
 impl<'a> Wanted<'a> {
     pub(super) fn new(computable: Rc<Computable>, query: &'a Document) -> Self {
-        let key = key::of(&computable.definition, query);
+        let key = computable.key(query);
         Self { computable, query, key }
     }
 }

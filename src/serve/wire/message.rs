@@ -7,7 +7,7 @@ use bson::{Bson, Document, RawDocument};
 use super::bytes::Bytes;
 use super::checksum::crc32c;
 use super::{HEADER, MAX_MESSAGE, OP_COMPRESSED, OP_MSG, OP_QUERY, WireError, compression};
-use crate::query::{QueryError, decode};
+use crate::query::{QueryError, decode, decode_but};
 
 /// OP_MSG: the message ends with a checksum.
 const CHECKSUM_PRESENT: u32 = 1;
@@ -15,6 +15,10 @@ const CHECKSUM_PRESENT: u32 = 1;
 const MORE_TO_COME: u32 = 1 << 1;
 /// OP_MSG: whoever does not know one of these bits has to refuse the message.
 const REQUIRED: u32 = 0xFFFF;
+/// Memory that is taken at once for a message as long as that; most are shorter.
+const PROMPT: usize = 4 << 10;
+/// What drivers pass on to every server of a cluster, of which this is the only one.
+const CLUSTER_TIME: &str = "$clusterTime";
 
 /// How a command came, and so how it is answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,8 +55,9 @@ pub(in crate::serve) fn read(reader: &mut impl Read) -> Result<Vec<u8>, WireErro
     if !(HEADER..=MAX_MESSAGE).contains(&length) {
         return Err(WireError::malformed(format!("its length is {length}, and not from {HEADER} to {MAX_MESSAGE}")));
     }
-    let mut message = header.to_vec();
-    // Memory is taken as bytes come, not as they are announced.
+    // Memory for more than this is taken as bytes come, not as they are announced.
+    let mut message = Vec::with_capacity(length.min(PROMPT));
+    message.extend_from_slice(&header);
     let rest = u64::try_from(length - HEADER).unwrap_or(u64::MAX);
     reader.take(rest).read_to_end(&mut message)?;
     if message.len() < length {
@@ -166,7 +171,7 @@ impl<'a> Sections<'a> {
 
     /// The command, with each sequence as an array.
     fn command(self) -> Result<Document, QueryError> {
-        let mut command = decode(self.body)?;
+        let mut command = decode_but(self.body, CLUSTER_TIME)?;
         for (name, documents) in self.sequences {
             if command.contains_key(name) {
                 let message = format!("the command has `{name}` twice, in its body and as a sequence");

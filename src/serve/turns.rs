@@ -1,0 +1,52 @@
+//! Connections that work at the same time take turns.
+//!
+//! SQLite has one mutex for the locks that a process has on a file, and holds it while it asks the system for them. Where
+//! the system suspends a thread that holds it, all others wait, though a processor is free, and wait for each other
+//! afterwards: of 64 connections on two processors the slowest hundredth of all finds took thirty times the median.
+//! A thread that yields when it has answered has a new slice of time for its next command, and is
+//! hardly ever suspended within one.
+
+use std::sync::atomic::{AtomicIsize, Ordering};
+
+/// How many connections work at a command now; those that wait for the writer or for changes do not.
+#[derive(Debug, Default)]
+pub(super) struct Turns(AtomicIsize);
+
+impl Turns {
+    /// A connection has a command to work at.
+    pub(super) fn begin(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A connection has answered. Where others work, they have their turn before its next command.
+    pub(super) fn end(&self) {
+        if self.0.fetch_sub(1, Ordering::Relaxed) > 1 {
+            std::thread::yield_now();
+        }
+    }
+
+    /// Does something that waits, and does not count as work meanwhile.
+    pub(super) fn paused<T>(&self, wait: impl FnOnce() -> T) -> T {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+        let done = wait();
+        self.begin();
+        done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn those_that_wait_do_not_count_as_work() {
+        let turns = Turns::default();
+        let working = || turns.0.load(Ordering::Relaxed);
+        turns.begin();
+        turns.begin();
+        assert_eq!((turns.paused(working), working()), (1, 2));
+        turns.end();
+        turns.end();
+        assert_eq!(working(), 0);
+    }
+}
