@@ -15,7 +15,7 @@ use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 use serde_json::Value;
 
-use crate::mongod::Mongod;
+use crate::mongod::{Mongod, free_port};
 
 type Case = fn(&Path) -> Result<(), Failed>;
 
@@ -64,12 +64,7 @@ impl Robots {
     pub(crate) fn new(mongod: &Path, count: usize) -> Result<Self, Failed> {
         let folder = tempfile::tempdir()?.keep();
         let keeper = Command::new("sh").args(["-c", KEEPER, "keeper"]).arg(&folder).stdin(Stdio::piped()).spawn()?;
-        // Held together, so that no port is given twice.
-        let listeners: Vec<_> =
-            (0..2 * count).map(|_| TcpListener::bind((Ipv4Addr::LOCALHOST, 0))).collect::<Result<_, _>>()?;
-        let ports: Vec<u16> =
-            listeners.iter().map(|one| one.local_addr().map(|address| address.port())).collect::<Result<_, _>>()?;
-        let ports = ports.chunks(2).map(|pair| (pair[0], pair[1])).collect();
+        let ports = (0..count).map(|_| Ok((free_port()?, free_port()?))).collect::<std::io::Result<_>>()?;
         Ok(Self { folder, keeper, mongod: mongod.to_owned(), ports })
     }
 

@@ -4,6 +4,7 @@ use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::{Document, doc};
@@ -185,8 +186,22 @@ impl Drop for Mongod {
     }
 }
 
-fn free_port() -> std::io::Result<u16> {
-    Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?.port())
+/// A port that no program listens on and that no other test is given. The system gives none below 32,768 to a connection
+/// or a listener that lets it choose, so that it stays free until it is used.
+pub(crate) fn free_port() -> std::io::Result<u16> {
+    static DRAWN: AtomicU16 = AtomicU16::new(0);
+    const FIRST: u16 = 20_000;
+    const COUNT: u16 = 12_000;
+    // Other processes of tests begin elsewhere.
+    let begin = (std::process::id() % u32::from(COUNT)) as u16;
+    for _ in 0..COUNT {
+        let drawn = DRAWN.fetch_add(1, Ordering::Relaxed) % COUNT;
+        let port = FIRST + (begin + drawn) % COUNT;
+        if TcpListener::bind((Ipv4Addr::LOCALHOST, port)).is_ok() {
+            return Ok(port);
+        }
+    }
+    Err(std::io::ErrorKind::AddrInUse.into())
 }
 
 /// Makes the server a replica set of its own, and waits for it to be primary.

@@ -14,7 +14,7 @@ use rmem::store::{Find, Namespace, Role, StoreError, StoreUri, open};
 use crate::computables;
 use crate::contract;
 use crate::history;
-use crate::mongod::Mongod;
+use crate::mongod::{Mongod, free_port};
 use crate::places;
 use crate::planning;
 use crate::scenes::watched;
@@ -168,8 +168,7 @@ pub(crate) fn stop() {
 }
 
 fn unreachable() -> Result<(), Failed> {
-    let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?.port();
-    fails_soon(port)
+    fails_soon(free_port()?)
 }
 
 fn silent() -> Result<(), Failed> {
