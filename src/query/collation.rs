@@ -102,7 +102,8 @@ impl Drop for Restored {
 }
 
 /// Returns whether strings do not compare byte by byte at the moment.
-pub(super) fn is_in_effect() -> bool {
+#[must_use]
+pub fn is_in_effect() -> bool {
     IS_IN_EFFECT.get()
 }
 

@@ -1,6 +1,6 @@
 //! A query whose parts are read, and the answer to it over documents that a store, or a list, gives.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::DateTime;
 
@@ -10,7 +10,7 @@ use crate::query::{Filter, Projection, QueryError, Sort, Spill, constants};
 
 /// The parts of a query.
 pub(crate) struct Parsed {
-    pub(crate) filter: Rc<Filter>,
+    pub(crate) filter: Arc<Filter>,
     pub(crate) sort: Sort,
     projection: Option<Projection>,
     skip: usize,
@@ -27,7 +27,7 @@ impl Parsed {
     /// Where a part of it is wrong.
     pub(crate) fn of(find: &Find) -> Result<Self, QueryError> {
         let constants = constants(&find.modifiers.variables)?;
-        let filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
+        let filter = Arc::new(Filter::parse_with_constants(&find.filter, &constants)?);
         let sort = Sort::parse(&find.sort)?;
         let projection = match find.projection.is_empty() {
             true => None,

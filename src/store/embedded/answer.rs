@@ -1,6 +1,6 @@
 //! Answering queries: find, count, distinct.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{Bson, Document, doc};
 
@@ -40,9 +40,9 @@ impl Embedded {
         let scan = Scan::sorted(self, collection, &mut parsed.filter, &parsed.sort, find.modifiers.hint.as_ref())?;
         let is_sorted = scan.in_order();
         let scan = if is_sorted { scan.at_most(parsed.most()) } else { scan };
-        let scan = scan.begun()?;
+        let scan = scan.shared().begun()?;
         drop(snapshot);
-        let (is_scored, filter) = (parsed.is_scored, Rc::clone(&parsed.filter));
+        let (is_scored, filter) = (parsed.is_scored, Arc::clone(&parsed.filter));
         let matches: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
         let matches = if is_scored { scored(matches, filter) } else { matches };
         let answer = parsed.answer(matches, is_sorted)?;
@@ -57,7 +57,7 @@ impl Embedded {
 
     fn explained_in(&self, collection: Option<Collection>, find: &Find) -> Result<Document, StoreError> {
         let constants = query::constants(&find.modifiers.variables)?;
-        let mut filter = Rc::new(Filter::parse_with_constants(&find.filter, &constants)?);
+        let mut filter = Arc::new(Filter::parse_with_constants(&find.filter, &constants)?);
         let sort = Sort::parse(&find.sort)?;
         let Some(collection) = collection else {
             return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
@@ -91,7 +91,7 @@ impl Embedded {
     }
 
     fn tally_in(&self, collection: Option<Collection>, query: Query<'_>) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
+        let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let Some(collection) = collection else { return Ok(0) };
         if let hint @ Some(_) = query.modifiers.hint.as_ref() {
             return Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.count();
@@ -114,11 +114,11 @@ impl Embedded {
 
     fn values_in(&self, collection: Option<Collection>, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         check_path(field)?;
-        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
+        let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let values = Distinct::new(field, &Spill::default())?;
         let Some(collection) = collection else { return Ok(Box::new(std::iter::empty())) };
         let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref())?;
-        let values = values.of(found.map(|found| found.map(|found| found.body)))?;
+        let values = values.of(found.shared().map(|found| found.map(|found| found.body)))?;
         Ok(Box::new(values.map(|value| Ok(value?))))
     }
 }

@@ -1,6 +1,6 @@
 //! Changing documents: update, upsert, replace by `_id`, delete.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
@@ -33,7 +33,7 @@ impl Embedded {
         let change = Change::parse(request, timestamp, &constants)?;
         self.bind_search(ns, &change.filter)?;
         // The scan may simplify its own filter.
-        let mut filter = Rc::new(Filter::parse_with_constants(&request.filter, &constants)?);
+        let mut filter = Arc::new(Filter::parse_with_constants(&request.filter, &constants)?);
         let (mut modified, mut upserted) = (0, None);
         let most = if request.many { u64::MAX } else { 1 };
         let matched = self.each_match(
@@ -215,7 +215,7 @@ impl Embedded {
     }
 
     pub(super) fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
-        let mut filter = Rc::new(with_variables(query.filter, query.modifiers)?);
+        let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let most = if first_only { 1 } else { u64::MAX };
         let erase = &mut |collection, found: &Found| self.erase(ns, collection, found);
         let selection = Selection { most, hint: query.modifiers.hint.as_ref(), is_sweeping: false };

@@ -106,7 +106,7 @@ impl Embedded {
                 let connection = open()?;
                 let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
                 alone.map_err(|e| failure::explain(&place, &e))?;
-                Self::prepare(connection, place)
+                Ok(Self { identity: None, ..Self::prepare(connection, place)? })
             }
             prepared => prepared,
         }
@@ -143,6 +143,12 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
+    /// The same file opened once more; none where that cannot be done, or another file has taken its name.
+    pub(super) fn again(&self) -> Option<Self> {
+        let path = self.place.file().filter(|_| self.identity.is_some() && self.place.identity() == self.identity)?;
+        Self::open(path).ok()
+    }
+
     /// A memory without a file, which ends with the store.
     ///
     /// # Errors
@@ -168,6 +174,7 @@ impl Embedded {
         }
         tune(&connection).map_err(explain)?;
         Ok(Self {
+            identity: place.identity(),
             connection,
             place,
             indexes: Remembered::default(),

@@ -3,7 +3,7 @@
 //! A change is noted in the transaction that makes it, and only where its collection is
 //! watched or its history kept: a memory with neither pays nothing.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{Document, RawDocumentBuf};
 use rusqlite::Connection;
@@ -50,7 +50,7 @@ impl Embedded {
         if collection.bytes(&self.connection).map_err(|e| self.explain(&e))? > most {
             return self.note(ns, Noted::drop(None).of_history());
         }
-        for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
+        for found in Scan::new(self, collection, &mut Arc::new(Filter::parse(&Document::new())?))? {
             let found = found?;
             self.note(ns, Noted::delete(&found.body, found.position).of_history())?;
         }
@@ -72,7 +72,7 @@ impl Embedded {
         if !wanted.by_watchers && wanted.by_history.is_none() {
             return Ok(());
         }
-        for found in Scan::new(self, collection, &mut Rc::new(Filter::parse(&Document::new())?))? {
+        for found in Scan::new(self, collection, &mut Arc::new(Filter::parse(&Document::new())?))? {
             let found = found?;
             self.note(to, Noted::insert(&found.body, found.position))?;
         }

@@ -6,6 +6,7 @@
 //! writers. A write is on the disk when it returns.
 
 mod access;
+mod ahead;
 mod answer;
 mod apart;
 mod backup;
@@ -56,7 +57,7 @@ use rusqlite::Connection;
 use indexed::Remembered;
 use known::Known;
 use log_size::LogSize;
-use place::Place;
+use place::{Identity, Place};
 use transaction::Log;
 
 pub use busy::tell_waits;
@@ -72,6 +73,8 @@ pub use repair::Repaired;
 pub struct Embedded {
     connection: Connection,
     place: Place,
+    /// Which file it is; none where no other connection may open it.
+    identity: Option<Identity>,
     indexes: Remembered,
     known: Known,
     log: Log,

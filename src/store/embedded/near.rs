@@ -1,6 +1,6 @@
 //! `$near` and `$geoNear`: answered by a scan, but only with a geospatial index, as in MongoDB.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{Bson, Document, doc};
 
@@ -25,7 +25,7 @@ impl Embedded {
         &self,
         collection: Collection,
         indexes: &Indexes,
-        filter: &Rc<Filter>,
+        filter: &Arc<Filter>,
         near: &Near,
         sort: &Sort,
     ) -> Result<Chosen, StoreError> {

@@ -3,7 +3,7 @@
 //! All of them in one transaction: where one fails, nothing is changed.
 //! (MongoDB keeps what `$merge` did before.)
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
@@ -129,7 +129,7 @@ impl Embedded {
             WhenMatched::Merge => Update::parse(&bson::doc! { "$set": result }, &[])?,
             WhenMatched::Pipeline(stages) => Update::parse_pipeline_with(stages, &merge.constants(&result, now)?)?,
         };
-        let filter = Rc::new(Filter::parse(&bson::doc! { "_id": { "$eq": id_of(&found.body)? } })?);
+        let filter = Arc::new(Filter::parse(&bson::doc! { "_id": { "$eq": id_of(&found.body)? } })?);
         let Some(changed) = update.apply(&found.body, &filter, now)? else { return Ok(()) };
         let mut changed = Document::try_from(&*changed).map_err(QueryError::from)?;
         document::fill_timestamps(&mut changed);

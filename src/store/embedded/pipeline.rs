@@ -1,6 +1,6 @@
 //! Aggregation.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{DateTime, Document};
 
@@ -119,9 +119,9 @@ impl Embedded {
         constants: &Document,
         (hint, is_scored): (Option<&Hint>, bool),
     ) -> Result<Documents<'_>, StoreError> {
-        let mut filter = Rc::new(Filter::parse_with_constants(filter, constants)?);
+        let mut filter = Arc::new(Filter::parse_with_constants(filter, constants)?);
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?;
+        let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.shared();
         let documents: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
         Ok(if is_scored { scored(documents, filter) } else { documents })
     }

@@ -1,6 +1,7 @@
 //! Where an embedded store lives.
 
 use std::fmt;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// Where an embedded store lives; its `Display` is what messages call it.
@@ -8,6 +9,13 @@ use std::path::{Path, PathBuf};
 pub(super) enum Place {
     File(PathBuf),
     Memory,
+}
+
+/// What tells a file from one that takes its name later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Identity {
+    device: u64,
+    inode: u64,
 }
 
 impl Place {
@@ -21,6 +29,13 @@ impl Place {
     pub(super) fn file(&self) -> Option<PathBuf> {
         let Self::File(path) = self else { return None };
         Some(path.clone())
+    }
+
+    /// Which file is at the path at the moment.
+    pub(super) fn identity(&self) -> Option<Identity> {
+        let Self::File(path) = self else { return None };
+        let found = std::fs::metadata(path).ok()?;
+        Some(Identity { device: found.dev(), inode: found.ino() })
     }
 
     /// The path of the write-ahead log.

@@ -12,19 +12,21 @@
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::params;
 
 use super::access::{Chosen, Listing, Way};
+use super::ahead::{Ahead, Slot, Turn};
 use super::catalog::Collection;
 use super::indexed::{Indexes, decay};
 use super::page::PageError;
 use super::snapshot::Snapshot;
 use super::{Embedded, body, failure};
-use crate::query::{Filter, Sort};
-use crate::store::{Hint, StoreError, metadata};
+use crate::query::{Filter, Sort, collation};
+use crate::store::{Hint, Store as _, StoreError, metadata};
 
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
@@ -32,6 +34,11 @@ const PAGE_BYTES: usize = 256 << 10;
 const PAGE_DOCUMENTS: usize = 512;
 /// The most documents examined for a page, matching or not.
 const PAGE_ROWS: usize = 20_000;
+/// The bytes of pages of the file that a second thread keeps.
+const CACHE: usize = 1 << 20;
+/// How many documents are looked at before a scan is a long one, and how many have to be left to be worth a thread: opening
+/// the file again takes about as long as reading a thousand.
+const LONG: usize = 8_192;
 
 /// A stored document and where it is.
 pub(super) struct Found {
@@ -43,7 +50,7 @@ pub(super) struct Found {
 pub(super) struct Scan<'a> {
     store: &'a Embedded,
     collection: Collection,
-    filter: Rc<Filter>,
+    filter: Arc<Filter>,
     rest: Rest,
     page: VecDeque<Found>,
     page_documents: usize,
@@ -51,6 +58,38 @@ pub(super) struct Scan<'a> {
     most: usize,
     is_sorted: bool,
     examined: Rc<Examined>,
+    sharing: Sharing,
+    /// Whether it is cut into stretches, or is one of them.
+    is_part: bool,
+    /// The first position that was found in this stretch, or behind it.
+    first: Option<i64>,
+    /// The first position that was found behind the stretch before.
+    next: Option<i64>,
+}
+
+/// Whether a second thread reads a part of what is to be read.
+enum Sharing {
+    Never,
+    /// Once the scan has turned out to be a long one.
+    WhereLong {
+        /// Whether the matches are only counted.
+        is_counted: bool,
+    },
+    With(Ahead<Result<Page, StoreError>>),
+}
+
+/// Matches that were read at once.
+#[derive(Default)]
+struct Page {
+    found: VecDeque<Found>,
+    /// How many matches there are, where they are only counted.
+    number: u64,
+    /// How many documents were looked at.
+    documents: u64,
+    /// Whether it is the last page of its stretch.
+    is_last: bool,
+    first: Option<i64>,
+    next: Option<i64>,
 }
 
 /// What was looked at to answer a query.
@@ -76,6 +115,8 @@ enum Rest {
     At(VecDeque<i64>),
     /// The documents that an index lists, in its order.
     Listed(Listing),
+    /// What the second thread has read.
+    Ahead,
     Nothing,
 }
 
@@ -87,7 +128,7 @@ impl<'a> Scan<'a> {
     pub(super) fn new(
         store: &'a Embedded,
         collection: Collection,
-        filter: &mut Rc<Filter>,
+        filter: &mut Arc<Filter>,
     ) -> Result<Self, StoreError> {
         Ok(Self::choose(store, collection, filter, &Sort::none(), None, false)?.0)
     }
@@ -97,7 +138,7 @@ impl<'a> Scan<'a> {
     pub(super) fn sorted(
         store: &'a Embedded,
         collection: Collection,
-        filter: &mut Rc<Filter>,
+        filter: &mut Arc<Filter>,
         sort: &Sort,
         hint: Option<&Hint>,
     ) -> Result<Self, StoreError> {
@@ -108,7 +149,7 @@ impl<'a> Scan<'a> {
     pub(super) fn explained(
         store: &'a Embedded,
         collection: Collection,
-        filter: &mut Rc<Filter>,
+        filter: &mut Arc<Filter>,
         sort: &Sort,
         hint: Option<&Hint>,
     ) -> Result<(Self, Document), StoreError> {
@@ -118,7 +159,7 @@ impl<'a> Scan<'a> {
     fn choose(
         store: &'a Embedded,
         collection: Collection,
-        filter: &mut Rc<Filter>,
+        filter: &mut Arc<Filter>,
         sort: &Sort,
         hint: Option<&Hint>,
         is_explained: bool,
@@ -139,7 +180,7 @@ impl<'a> Scan<'a> {
     pub(super) fn along(
         store: &'a Embedded,
         collection: Collection,
-        filter: &Rc<Filter>,
+        filter: &Arc<Filter>,
         chosen: Chosen,
     ) -> Result<Self, StoreError> {
         let last = |store: &Embedded| collection.last(&store.connection).map_err(|e| store.explain(&e));
@@ -154,7 +195,7 @@ impl<'a> Scan<'a> {
         Ok(Self {
             store,
             collection,
-            filter: Rc::clone(filter),
+            filter: Arc::clone(filter),
             // The rest of an index is listed with the first page, so that page is large.
             page_documents: if matches!(rest, Rest::Listed(_)) { PAGE_DOCUMENTS } else { 1 },
             rest,
@@ -162,7 +203,35 @@ impl<'a> Scan<'a> {
             most: usize::MAX,
             is_sorted: chosen.is_sorted,
             examined: Rc::new(examined),
+            sharing: Sharing::Never,
+            is_part: false,
+            first: None,
+            next: None,
         })
+    }
+
+    /// The matches behind a position, up to another.
+    fn stretch(store: &'a Embedded, collection: Collection, filter: &Arc<Filter>, (behind, last): (i64, i64)) -> Self {
+        Self {
+            store,
+            collection,
+            filter: Arc::clone(filter),
+            page_documents: PAGE_DOCUMENTS,
+            rest: Rest::Between(behind, last),
+            page: VecDeque::new(),
+            most: usize::MAX,
+            is_sorted: false,
+            examined: Rc::default(),
+            sharing: Sharing::Never,
+            is_part: true,
+            first: None,
+            next: None,
+        }
+    }
+
+    /// The same matches, of which a second thread may read a part; not for what writes while it reads.
+    pub(super) fn shared(self) -> Self {
+        Self { sharing: Sharing::WhereLong { is_counted: false }, ..self }
     }
 
     /// The same matches, of which no more than so many are asked for.
@@ -178,7 +247,7 @@ impl<'a> Scan<'a> {
         match &mut self.rest {
             Rest::Between(behind, _) => *behind = first - 1,
             Rest::At(rest) => positions.into_iter().rev().for_each(|position| rest.push_front(position)),
-            rest @ (Rest::Nothing | Rest::Listed(_)) => *rest = Rest::At(positions.into()),
+            rest @ (Rest::Nothing | Rest::Listed(_) | Rest::Ahead) => *rest = Rest::At(positions.into()),
         }
     }
 
@@ -202,19 +271,120 @@ impl<'a> Scan<'a> {
 
     /// How many documents match.
     pub(super) fn count(mut self) -> Result<u64, StoreError> {
+        self.sharing = Sharing::WhereLong { is_counted: true };
         let mut count = 0;
         while !matches!(self.rest, Rest::Nothing) {
-            self.read(&mut |_, _| {
-                count += 1;
-                true
-            })?;
+            count += self.counted()?;
         }
         Ok(count)
+    }
+
+    /// How many documents of the next page match.
+    fn counted(&mut self) -> Result<u64, StoreError> {
+        if matches!(self.rest, Rest::Ahead) {
+            return Ok(self.take_page()?.number);
+        }
+        let mut count = 0;
+        self.read(&mut |_, _| {
+            count += 1;
+            true
+        })?;
+        Ok(count)
+    }
+
+    /// Reads the next page; with the matches, or with their number.
+    fn page(&mut self, is_counted: bool) -> Result<Page, StoreError> {
+        let before = self.examined.documents.get();
+        let number = if is_counted { self.counted()? } else { self.turn().map(|()| 0)? };
+        let documents = self.examined.documents.get() - before;
+        let is_last = matches!(self.rest, Rest::Nothing);
+        let found = std::mem::take(&mut self.page);
+        Ok(Page { found, number, documents, is_last, first: self.first, next: self.next })
+    }
+
+    /// The next page of what the second thread has read.
+    fn take_page(&mut self) -> Result<Page, StoreError> {
+        let page = match &self.sharing {
+            Sharing::With(ahead) => {
+                ahead.piece().unwrap_or_else(|| Err(self.store.fail("a thread that reads it ended")))
+            }
+            Sharing::Never | Sharing::WhereLong { .. } => Ok(Page { is_last: true, ..Page::default() }),
+        };
+        let page = page.inspect_err(|_| self.rest = Rest::Nothing)?;
+        Examined::add(&self.examined.documents, page.documents);
+        if let Some(Err(error)) = page.first.map(|first| self.check_seam(first)) {
+            self.rest = Rest::Nothing;
+            // A collection that another process dropped has no documents.
+            return if failure::is_gone(&error) { Ok(Page::default()) } else { Err(self.store.explain(&error)) };
+        }
+        if page.is_last {
+            self.next = page.next;
+            self.rest = self.next_stretch();
+        }
+        Ok(page)
+    }
+
+    /// What is to be read after a stretch.
+    fn next_stretch(&mut self) -> Rest {
+        let Sharing::With(ahead) = &mut self.sharing else { return Rest::Nothing };
+        match ahead.turn() {
+            Turn::Own(behind, last) => {
+                self.first = None;
+                Rest::Between(behind, last)
+            }
+            Turn::Other => Rest::Ahead,
+            Turn::Over => Rest::Nothing,
+        }
+    }
+
+    /// Shares what is left with a second thread where the scan has become a long one.
+    fn share(&mut self) {
+        let (Sharing::WhereLong { is_counted }, Rest::Between(behind, last)) = (&self.sharing, &self.rest) else {
+            return;
+        };
+        if self.examined.documents.get() < LONG as u64 {
+            return;
+        }
+        let ahead = self.ahead((*behind, *last), *is_counted);
+        self.is_part = ahead.is_some();
+        self.sharing = ahead.map_or(Sharing::Never, Sharing::With);
+        if self.is_part {
+            self.rest = self.next_stretch();
+        }
+    }
+
+    /// Starts a second thread for the documents behind a position, up to another. There is none where it is not worth it, where
+    /// what is read is of one moment, or where all processors have such threads.
+    fn ahead(&self, (behind, last): (i64, i64), is_counted: bool) -> Option<Ahead<Result<Page, StoreError>>> {
+        let is_of_a_moment = !self.store.connection.is_autocommit() || self.store.reads_until.get().is_some();
+        if last.saturating_sub(behind) < LONG as i64 || is_of_a_moment || collation::is_in_effect() {
+            return None;
+        }
+        let slot = Slot::take()?;
+        let store = self.store.again()?;
+        // What was read is not needed again.
+        store.limit_cache(CACHE).ok()?;
+        let (collection, filter) = (self.collection, Arc::clone(&self.filter));
+        Ahead::start(slot, (behind, last), move |stretch, send| {
+            let mut scan = Scan::stretch(&store, collection, &filter, stretch);
+            loop {
+                let page = scan.page(is_counted);
+                let is_last = page.as_ref().map(|page| page.is_last).ok();
+                match (send(page), is_last) {
+                    (true, Some(false)) => {}
+                    (is_taken, is_last) => return is_taken && is_last.is_some(),
+                }
+            }
+        })
     }
 
     /// Reads the next page: small at first, for callers that want the first match
     /// only, then larger.
     fn turn(&mut self) -> Result<(), StoreError> {
+        if matches!(self.rest, Rest::Ahead) {
+            self.page = self.take_page()?.found;
+            return Ok(());
+        }
         let (most, mut page, mut bytes) = (self.page_documents, VecDeque::new(), 0);
         let read = self.read(&mut |position, body| {
             bytes += body.as_bytes().len();
@@ -229,12 +399,13 @@ impl<'a> Scan<'a> {
     /// Shows matching documents to `take` until it has no room, or enough have been looked at.
     fn read(&mut self, take: &mut dyn FnMut(i64, &RawDocument) -> More) -> Result<(), StoreError> {
         self.store.check_time()?;
+        self.share();
         let was_listed = matches!(self.rest, Rest::Listed(_));
         let read = match std::mem::replace(&mut self.rest, Rest::Nothing) {
             Rest::Between(position, last) => self.read_between(position, last, take),
             Rest::At(positions) => self.read_at(positions, take),
             Rest::Listed(listing) => self.read_listed(listing, take),
-            Rest::Nothing => Ok(Rest::Nothing),
+            rest @ (Rest::Ahead | Rest::Nothing) => Ok(rest),
         };
         self.rest = match read {
             Err(PageError::Store(error)) if failure::is_gone(&error) => {
@@ -249,6 +420,7 @@ impl<'a> Scan<'a> {
             Err(PageError::Damaged(damage, id)) => {
                 return Err(self.store.damaged(self.collection, id.as_deref(), damage));
             }
+            Ok(Rest::Nothing) => self.next_stretch(),
             Ok(rest) => rest,
         };
         Ok(())
@@ -260,34 +432,66 @@ impl<'a> Scan<'a> {
     }
 
     fn read_between(
-        &self,
+        &mut self,
         mut position: i64,
         last: i64,
         take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
-        let table = self.collection.table();
+        let (store, table) = (self.store, self.collection.table());
         let sql = format!("SELECT body, position FROM {table} WHERE position > ? ORDER BY position");
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let mut statement = store.connection.prepare_cached(&sql)?;
         let mut rows = statement.query([position])?;
-        for nth in 1..=PAGE_ROWS {
+        let most = if matches!(self.sharing, Sharing::WhereLong { .. }) { LONG } else { PAGE_ROWS };
+        for nth in 1..=most {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
+            if self.is_part {
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if self.first.is_none() {
+                    self.first = Some(position);
+                    self.check_seam(position)?;
+                }
+                if position > last {
+                    self.next = Some(position);
+                    return Ok(Rest::Nothing);
+                }
+            }
             let body = body::of_column(row.get_ref(0)?)?;
             let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);
-            // The position is read only for matches: reading it costs time, too.
-            if !is_match && nth < PAGE_ROWS {
-                continue;
-            }
-            let behind = std::mem::replace(&mut position, row.get(1)?);
-            failure::check_order(position, behind)?;
-            if position > last {
-                return Ok(Rest::Nothing);
+            if !self.is_part {
+                // The position is read only for matches: reading it costs time, too.
+                if !is_match && nth < most {
+                    continue;
+                }
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if position > last {
+                    return Ok(Rest::Nothing);
+                }
             }
             if is_match && !take(position, body) {
                 break;
             }
         }
         Ok(Rest::Between(position, last))
+    }
+
+    /// Checks that a stretch begins where the one before it ended. Where a page of the file leads to a wrong one, it may not; nor
+    /// where documents were removed and stored meanwhile, so that all positions are looked at then.
+    fn check_seam(&mut self, first: i64) -> rusqlite::Result<()> {
+        if self.next.take().is_none_or(|next| next <= first) {
+            return Ok(());
+        }
+        let sql = format!("SELECT position FROM {} NOT INDEXED ORDER BY position", self.collection.table());
+        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let (mut rows, mut behind) = (statement.query([])?, i64::MIN);
+        while let Some(row) = rows.next()? {
+            let position = row.get(0)?;
+            failure::check_order(position, behind)?;
+            behind = position;
+        }
+        Ok(())
     }
 
     fn read_at(
@@ -420,8 +624,146 @@ impl Embedded {
 
 /// Removes the conditions on decay and computation from a filter where the collection has no decaying documents.
 /// Computed documents decay.
-pub(super) fn sharpen(indexes: &Indexes, filter: &mut Rc<Filter>) {
-    if let (None, Some(filter)) = (decay(indexes), Rc::get_mut(filter)) {
+pub(super) fn sharpen(indexes: &Indexes, filter: &mut Arc<Filter>) {
+    if let (None, Some(filter)) = (decay(indexes), Arc::get_mut(filter)) {
         filter.assume_missing(&[metadata::DECAY_PATH, metadata::TOKEN_PATH]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::time::Duration;
+
+    use bson::{Bson, doc};
+    use rusqlite::Connection;
+
+    use super::*;
+    use crate::store::{Aggregation, Find, Modifiers, Namespace};
+
+    const COUNT: i32 = 40_000;
+
+    /// A memory of many documents, some of which were deleted; its positions are the numbers of the documents and one more.
+    fn store(path: &Path) -> (Embedded, Namespace) {
+        let (store, ns) = (Embedded::open(path).unwrap(), Namespace::parse("a.b").unwrap());
+        store.insert(&ns, (0..COUNT).map(|n| doc! { "_id": n, "rest": n % 7, "text": "some text" }).collect()).unwrap();
+        store.delete(&ns, (&doc! { "_id": { "$gte": 15_000, "$lt": 21_000 } }).into(), false).unwrap();
+        (store, ns)
+    }
+
+    fn numbers(wanted: impl Fn(i32) -> bool) -> Vec<i32> {
+        (0..COUNT).filter(|n| !(15_000..21_000).contains(n) && wanted(*n)).collect()
+    }
+
+    fn found(store: &Embedded, ns: &Namespace, filter: Document) -> Result<Vec<i32>, StoreError> {
+        let documents = store.find(ns, &Find { filter, ..Find::default() })?;
+        documents.map(|document| Ok(document?.get_i32("_id").unwrap())).collect()
+    }
+
+    #[test]
+    fn what_two_threads_read_is_what_one_would() {
+        let folder = tempfile::tempdir().unwrap();
+        let (store, ns) = store(&folder.path().join("a.rmem"));
+        assert_eq!(found(&store, &ns, doc! {}).unwrap(), numbers(|_| true));
+        let few = doc! { "$expr": { "$eq": [{ "$mod": ["$_id", 501] }, "$rest"] } };
+        assert_eq!(found(&store, &ns, few.clone()).unwrap(), numbers(|n| n % 501 == n % 7));
+        assert_eq!(store.count(&ns, (&few).into()).unwrap(), numbers(|n| n % 501 == n % 7).len() as u64);
+        assert_eq!(store.count(&ns, (&doc! { "rest": 3 }).into()).unwrap(), numbers(|n| n % 7 == 3).len() as u64);
+        let values = store.values(&ns, "rest", (&doc! {}).into()).unwrap();
+        assert_eq!(values.map(Result::unwrap).collect::<Vec<_>>(), (0..7).map(Bson::Int32).collect::<Vec<_>>());
+        let stages = [doc! { "$match": { "rest": 1 } }, doc! { "$group": { "_id": null, "sum": { "$sum": "$_id" } } }];
+        let mut sums = store.aggregate(&ns, Aggregation { stages: &stages, modifiers: &Modifiers::default() }).unwrap();
+        let sum: i32 = numbers(|n| n % 7 == 1).into_iter().sum();
+        assert_eq!(sums.next().unwrap().unwrap().get_i32("sum").unwrap(), sum);
+        // One that is not read to its end.
+        let some = store.find(&ns, &Find::default()).unwrap().take(30_000).count();
+        assert_eq!(some, 30_000);
+    }
+
+    #[test]
+    fn a_thread_is_started_for_long_scans_of_a_file_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.rmem");
+        let (store, ns) = store(&path);
+        let scan = |store| {
+            let mut filter = Arc::new(Filter::parse(&doc! {}).unwrap());
+            let store: &Embedded = store;
+            Scan::new(store, store.collection(&ns).unwrap().unwrap(), &mut filter).unwrap()
+        };
+        let is_started = |last| scan(&store).ahead((0, last), true).is_some();
+        if std::thread::available_parallelism().is_ok_and(|all| all.get() > 1) {
+            // Other tests may have such a thread for a moment.
+            let mut tries = std::iter::repeat_with(|| std::thread::sleep(Duration::from_millis(10))).take(6_000);
+            assert!(is_started(LONG as i64) || tries.any(|()| is_started(LONG as i64)));
+        }
+        assert!(!is_started(LONG as i64 - 1));
+        std::fs::rename(&path, folder.path().join("b.rmem")).unwrap();
+        assert!(!is_started(LONG as i64), "the file has another name");
+        assert!(!path.exists());
+        let memory = Embedded::in_memory().unwrap();
+        memory.insert(&ns, vec![doc! {}]).unwrap();
+        assert!(scan(&memory).ahead((0, LONG as i64), true).is_none());
+    }
+
+    #[test]
+    fn what_the_other_thread_finds_damaged_is_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.rmem");
+        let (store, ns) = store(&path);
+        let table = store.collection(&ns).unwrap().unwrap().table();
+        let sql = format!(
+            "UPDATE {table} SET body = CAST(substr(body, 1, length(body) - 1) || x'ff' AS BLOB) WHERE position = ?"
+        );
+        for position in [11_000, 14_000] {
+            let change = Connection::open(&path).unwrap();
+            change.execute_batch("BEGIN").unwrap();
+            assert_eq!(change.execute(&sql, [position]).unwrap(), 1);
+            change.execute_batch("COMMIT").unwrap();
+            let refusal = found(&store, &ns, doc! { "rest": 9 }).unwrap_err().to_string();
+            assert!(refusal.contains("damaged"), "{refusal}");
+            assert!(store.count(&ns, (&doc! { "rest": 9 }).into()).is_err());
+        }
+    }
+
+    #[test]
+    fn a_page_in_the_place_of_another_is_noticed_between_two_stretches() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.rmem");
+        let (first, ns) = store(&path);
+        let table = first.collection(&ns).unwrap().unwrap().table();
+        drop(first);
+        let file = Connection::open(&path).unwrap();
+        let size: u32 = file.query_row("PRAGMA page_size", [], |row| row.get(0)).unwrap();
+        let sql = "SELECT rootpage FROM sqlite_schema WHERE name = ?";
+        let root: u32 = file.query_row(sql, [&table], |row| row.get(0)).unwrap();
+        drop(file);
+        let whole = std::fs::read(&path).unwrap();
+        let number = |at: usize| usize::from(u16::from_be_bytes([whole[at], whole[at + 1]]));
+        let begin = |page: u32| ((page - 1) * size) as usize;
+        // The cells of an inner page begin with the numbers of its pages.
+        let cell = |page: u32, nth: usize| begin(page) + number(begin(page) + 12 + 2 * nth);
+        let child = |at: usize| u32::from_be_bytes([whole[at], whole[at + 1], whole[at + 2], whole[at + 3]]);
+        let mut page = root;
+        while number(begin(page) + 3) < 40 {
+            assert_eq!(whole[begin(page)], 5, "an inner page");
+            // The last one, behind the part that one thread reads.
+            page = child(begin(page) + 8);
+        }
+        let cells = number(begin(page) + 3);
+        let (mut tried, mut unnoticed) = (0, 0);
+        for nth in (1..cells - 12).step_by(9) {
+            for other in [nth - 1, nth + 1, nth + 11] {
+                let mut damaged = whole.clone();
+                damaged.copy_within(cell(page, other)..cell(page, other) + 4, cell(page, nth));
+                std::fs::write(&path, &damaged).unwrap();
+                let store = Embedded::open(&path).unwrap();
+                let found = found(&store, &ns, doc! { "rest": 9 });
+                let count = store.count(&ns, (&doc! { "rest": 3 }).into());
+                tried += 2;
+                unnoticed += usize::from(found.is_ok()) + usize::from(count.is_ok());
+            }
+        }
+        // Where the copy lies across the end of a stretch, the next one goes on behind it.
+        assert!(tried > 50 && unnoticed * 10 < tried, "{unnoticed} of {tried}");
     }
 }

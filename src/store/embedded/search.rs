@@ -1,7 +1,6 @@
 //! `$text`: answered by a scan, but only with a text index, as in MongoDB.
 
 use std::collections::{BTreeMap, HashSet};
-use std::rc::Rc;
 use std::sync::Arc;
 
 use bson::doc;
@@ -24,7 +23,7 @@ impl Embedded {
         &self,
         collection: Collection,
         indexes: &Indexes,
-        filter: &Rc<Filter>,
+        filter: &Arc<Filter>,
         (sort, hint): (&Sort, Option<&Hint>),
     ) -> Result<Chosen, StoreError> {
         let index = text_index(indexes)?;
@@ -80,7 +79,7 @@ pub(super) fn bind(filter: &Filter, indexes: &Indexes) -> Result<(), QueryError>
 }
 
 /// Documents with the score that a search gives them.
-pub(super) fn scored<'a>(documents: Documents<'a>, filter: Rc<Filter>) -> Documents<'a> {
+pub(super) fn scored<'a>(documents: Documents<'a>, filter: Arc<Filter>) -> Documents<'a> {
     Box::new(documents.map(move |document| {
         let document = document?;
         match filter.search().map(|search| search.score(&document)).transpose()?.flatten() {

@@ -4,7 +4,7 @@
 //! MongoDB, such an operation is atomic for each document, not as a whole: where it fails, the slices
 //! before stay. A slice begins with the documents as they are then, matched again.
 
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::Embedded;
@@ -42,7 +42,7 @@ impl Embedded {
     pub(super) fn each_match(
         &self,
         ns: &Namespace,
-        filter: &mut Rc<Filter>,
+        filter: &mut Arc<Filter>,
         selection: Selection<'_>,
         work: Work<'_>,
         otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
@@ -162,7 +162,7 @@ mod tests {
                 }
                 Ok(())
             };
-            let mut filter = Rc::new(Filter::parse(&doc! {}).unwrap());
+            let mut filter = Arc::new(Filter::parse(&doc! {}).unwrap());
             store
                 .each_match(
                     &ns,
