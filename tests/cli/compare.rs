@@ -5,7 +5,7 @@ use crate::lab::{Lab, assert_run};
 /// A planner that finds a plan with a useless step, one that finds none, and one that waits to be interrupted.
 const PLANNERS: &str = "memory = 'file:robot.rmem'\n\
      [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo run >> LOG; echo 'search cap reached!'\"]\noutput = \"ff\"\n\
-     [planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"exec sleep 100\"]\noutput = \"ff\"\n";
+     [planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"touch LOG.asleep; exec sleep 100\"]\noutput = \"ff\"\n";
 
 fn lab() -> Lab {
     let lab = Lab::new();
@@ -119,8 +119,10 @@ fn a_comparison_goes_on_where_it_was_interrupted() {
 #[test]
 fn an_interruption_keeps_what_was_measured() {
     let lab = lab();
+    // Once one run is over and stored, and the next one has begun.
     let line = "rmem compare tasks --planner quitter --planner sleeper & pid=$!; \
-                until [ -s log ]; do sleep 0.05; done; sleep 0.5; kill -INT $pid; wait $pid";
+                is_so='[ -e log.asleep ] && [ \"$(rmem count robmem.comparisons)\" = 1 ]'; \
+                timeout 60 bash -c \"until $is_so; do sleep 0.05; done\"; kill -INT $pid; wait $pid";
     let run = lab.shell(line).exits(130);
     assert!(run.stderr.contains("the same command goes on from here"), "{run}");
     assert_eq!(run.stdout.matches("\"task\"").count(), 1, "{run}");

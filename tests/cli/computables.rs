@@ -1,5 +1,6 @@
 //! Computables from rmem.toml: commands and how they fail, what is listed, logged and checked.
 
+use crate::lab::watch::until;
 use crate::lab::{Lab, assert_run};
 
 /// The sum of two numbers of the query, by a shell and nothing else.
@@ -294,9 +295,7 @@ fn a_computation_that_was_killed_lets_others_compute() {
     let mut command = std::process::Command::new(crate::lab::rmem());
     lab.isolate(&mut command);
     let mut first = command.args(&query).spawn().unwrap();
-    while !lab.path().join("robot/started").exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
+    until("it computes", || lab.path().join("robot/started").exists());
     first.kill().unwrap();
     first.wait().unwrap();
     lab.rmem(&query).success();

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::lab::watch::TIMEOUT;
 use crate::lab::{Lab, assert_run};
 
 fn lock(lab: &Lab, owner: &str, args: &[&str]) -> crate::lab::Finished {
@@ -99,12 +100,24 @@ fn a_lock_expires_and_the_holder_renews_it() {
 #[test]
 fn waiting_ends_when_the_lock_is_free_or_the_timeout_is_over() {
     let lab = Lab::new();
-    lock(&lab, "r1", &["--ttl", "700ms"]).success();
+    lock(&lab, "r1", &["--ttl", "1h"]).success();
     let start = Instant::now();
     lock(&lab, "r2", &["--wait", "50ms"]).exits(5);
     assert!(start.elapsed() >= Duration::from_millis(50));
-    lock(&lab, "r2", &["--wait", "1m"]).success();
-    assert!(start.elapsed() < Duration::from_secs(50));
+    // Given back while another waits, who waits on if that is not noticed.
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| lock(&lab, "r2", &["--wait", "5m"]));
+        std::thread::sleep(Duration::from_millis(200));
+        lab.rmem(&["unlock", "table", "--owner", "r1"]).success();
+        waiting.join().unwrap().success();
+    });
+    assert!(start.elapsed() < TIMEOUT);
+    // Or over by itself.
+    lock(&lab, "r2", &["--ttl", "500ms"]).success();
+    let start = Instant::now();
+    lock(&lab, "r1", &["--wait", "5m"]).success();
+    assert!(start.elapsed() < TIMEOUT);
 }
 
 #[test]

@@ -33,6 +33,14 @@ fn on_terminal(lab: &Lab, args: &[&str]) -> String {
     reader.join().unwrap()
 }
 
+/// Whether a number of seconds, at least one, follows a text.
+fn has_seconds(shown: &str, text: &str) -> bool {
+    shown.split(text).skip(1).any(|rest| {
+        let (number, _) = rest.split_once('s').unwrap_or_default();
+        number.parse::<u32>().is_ok_and(|seconds| seconds > 0)
+    })
+}
+
 /// A memory, a planner that takes its time, and a task for it.
 fn slow() -> Lab {
     let lab = Lab::new();
@@ -55,10 +63,11 @@ fn work_of_more_than_a_second_shows_its_progress_on_a_terminal() {
         on_terminal(&lab, &args)
     };
     let shown = plan("slow", &[]);
-    assert!(shown.contains("slow: looking for a plan, at most 9 s, 2s"), "{shown:?}");
+    assert!(has_seconds(&shown, "slow: looking for a plan, at most 9 s, "), "{shown:?}");
     assert!(shown.contains("gave up"), "{shown:?}");
     // What ends sooner, and what is to be quiet, shows none.
-    assert!(!plan("fast", &[]).contains("looking for"));
+    let start = std::time::Instant::now();
+    assert!(!plan("fast", &[]).contains("looking for") || start.elapsed().as_secs() > 0);
     assert!(!plan("slow", &["-q"]).contains("looking for"));
     let compared = on_terminal(&lab, &["compare", SOLVABLE[1], SOLVABLE[3], "--planner", "slow"]);
     assert!(compared.contains("task 1 of 1: slow on problem"), "{compared:?}");
@@ -88,6 +97,6 @@ fn documents_are_counted_while_they_are_stored() {
     });
     let shown = on_terminal(&lab, &["insert", "a.b", "--file", "slowly"]);
     writer.join().unwrap();
-    assert!(shown.contains("storing in a.b: ") && shown.contains(" documents, 1s"), "{shown:?}");
+    assert!(shown.contains("storing in a.b: ") && has_seconds(&shown, " documents, "), "{shown:?}");
     assert!(shown.contains("4 stored in a.b"), "{shown:?}");
 }

@@ -1,6 +1,11 @@
 //! update and delete of one document or many; replacement.
 
-use crate::lab::{Lab, assert_run, three_documents};
+use std::process::{Command, Stdio};
+
+use rustix::process::{Pid, Signal};
+
+use crate::lab::watch::until;
+use crate::lab::{Lab, assert_run, rmem, three_documents};
 
 #[test]
 fn update_changes_the_first_match_or_all() {
@@ -99,16 +104,24 @@ fn a_whole_document_replaces_another_only_with_replace() {
 #[test]
 fn an_interrupted_change_of_many_documents_says_how_many_were_changed() {
     let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
-    lab.write("many.jsonl", &(0..100_000).map(|n| format!("{{\"_id\": {n}}}\n")).collect::<String>());
+    lab.write("many.jsonl", &(0..20_000).map(|n| format!("{{\"_id\": {n}}}\n")).collect::<String>());
     lab.rmem(&["insert", "a.b", "--file", "many.jsonl"]).success();
-    // As soon as a part of the documents is changed.
-    let interrupted = |command: &str, changed: &str| {
-        lab.shell(&format!("{command} & until {changed}; do sleep 0.01; done; kill -INT $!; wait $!")).exits(130)
+    // It takes its time over each document, so that all of them would take long.
+    let slowly = "{$where: 'for (let n = 0; n < 100000; n++); return true'}";
+    let count = |query: &str| lab.rmem(&["count", "a.b", query]).success().trim().parse::<u64>().unwrap();
+    let interrupted = |command: &[&str], has_begun: &dyn Fn() -> bool| {
+        let mut running = Command::new(rmem());
+        lab.isolate(running.args(command).stdout(Stdio::null()).stderr(Stdio::piped()));
+        let running = running.spawn().unwrap();
+        until("a part of the documents is changed", has_begun);
+        rustix::process::kill_process(Pid::from_child(&running), Signal::INT).unwrap();
+        let output = running.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
     };
-    let updated = interrupted("rmem update a.b {} '{$set: {n: 1}}' --many", "[ $(rmem count a.b '{n: 1}') -gt 0 ]");
-    let count = lab.rmem(&["count", "a.b", "{n: 1}"]).success();
-    assert_eq!(updated.stderr, format!("error: interrupted after {} documents; what was done stays\n", count.trim()));
-    let deleted = interrupted("rmem delete a.b --all", "[ $(rmem count a.b) -lt 100000 ]");
-    let left: u64 = lab.rmem(&["count", "a.b"]).success().trim().parse().unwrap();
-    assert_eq!(deleted.stderr, format!("error: interrupted after {} documents; what was done stays\n", 100_000 - left));
+    let said = |changed: u64| format!("error: interrupted after {changed} documents; what was done stays\n");
+    let updated = interrupted(&["update", "a.b", slowly, "{$set: {n: 1}}", "--many"], &|| count("{n: 1}") > 0);
+    assert_eq!(updated, said(count("{n: 1}")));
+    let deleted = interrupted(&["delete", "a.b", slowly, "--many"], &|| count("{}") < 20_000);
+    assert_eq!(deleted, said(20_000 - count("{}")));
 }

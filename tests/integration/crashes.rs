@@ -14,7 +14,7 @@ use rmem::store::{
     ChangeKind, Embedded, Find, HistoryRule, Index, Namespace, Next, Scope, Store, UpdateRequest, UpdateSpec,
 };
 
-use super::processes::{KILLS, kill_one, number, spawn};
+use super::processes::{Draws, KILLS, kill_one, number, spawn};
 
 /// The name by which the changes are followed.
 const WATCHER: &str = "harness";
@@ -131,11 +131,10 @@ fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> R
         prepare(&store)?;
         follow(&store, &mut replica)?;
     }
-    let (mut next, mut random) = (1, u64::from(std::process::id()) | 1);
+    let (mut next, mut draws) = (1, Draws::new());
     let kills = number(KILLS, 30);
     for round in 0..kills {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let acknowledged = kill_one(spawn("churn", &path, "x", next)?, next, 8, random >> 33)?;
+        let acknowledged = kill_one(spawn("churn", &path, "x", next)?, next, 8, draws.draw())?;
         let store = Embedded::open(&path).map_err(|error| format!("round {round}: {error}"))?;
         while next < acknowledged {
             take(&model, next);
@@ -153,6 +152,7 @@ fn a_killed_writer_leaves_indexes_and_the_change_log_as_the_documents_are() -> R
         check_history(&store, &found).map_err(|error| format!("round {round}: {error:?}"))?;
         check_file(&path)?;
     }
+    draws.end();
     eprintln!("{kills} writers killed in {next} steps");
     Ok(())
 }

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 use libtest_mimic::{Failed, Trial};
+
+use super::processes::until;
 
 const FILE: &str = "engine::three_engines_on_one_file_keep_one_world_model";
 #[cfg(feature = "mongodb")]
@@ -14,8 +15,6 @@ const SET: &str = "engine::three_engines_on_a_replica_set_keep_one_world_model";
 
 /// How many changes each engine makes.
 const CHANGES: &str = "RMEM_TEST_ENGINE_CHANGES";
-/// How long what has to come may take.
-const TIMEOUT: Duration = Duration::from_secs(180);
 /// The last change of the world.
 const END: &str = "{_id: 1, relation: 'thing', name: 'the end', n: 0, share: 0.5, tag: 'end', list: [], 'sync-id': 1}";
 
@@ -116,7 +115,7 @@ impl Engines<'_> {
             .stdout(Stdio::null())
             .stderr(fs::File::create(folder.join(format!("stderr-{seed}")))?)
             .spawn()?;
-        let ready = until(|| Ok(folder.join("ready").exists() || child.try_wait()?.is_some()));
+        let ready = until("an engine listens", || Ok(folder.join("ready").exists() || child.try_wait()?.is_some()));
         if ready.is_err() || !folder.join("ready").exists() {
             let _ = child.kill();
             let printed = fs::read_to_string(folder.join(format!("stderr-{seed}")))?;
@@ -152,17 +151,17 @@ impl Engines<'_> {
         }
         self.rmem(0, &["insert", "syncedrobmem.control", "{go: 1}"])?;
         // In the middle of it.
-        until(|| Ok(self.rmem(0, &["count", "syncedrobmem.clipswm"])?.trim() != "0"))?;
+        until("facts are shared", || Ok(self.rmem(0, &["count", "syncedrobmem.clipswm"])?.trim() != "0"))?;
         self.running[2].kill()?;
         self.running[2].wait()?;
         fs::write(self.folders[2].join("go.txt"), "(go)\n")?;
         self.running[2] = self.start(2, 9, &["--facts", "go.txt"])?;
-        until(|| Ok(self.count("{done: 1}")? >= 3))?;
+        until("all changes are made", || Ok(self.count("{done: 1}")? >= 3))?;
         // All receive the changes in one order, this one behind those of the engines.
         self.rmem(0, &["insert", "syncedrobmem.clipswm", END])?;
         for (nth, child) in self.running.iter_mut().enumerate() {
             let mut code = None;
-            until(|| {
+            until("an engine ends", || {
                 code = child.try_wait()?;
                 Ok(code.is_some())
             })?;
@@ -198,18 +197,6 @@ impl Engines<'_> {
         }
         Ok(())
     }
-}
-
-/// Waits for something.
-fn until(mut wanted: impl FnMut() -> Result<bool, Failed>) -> Result<(), Failed> {
-    let start = Instant::now();
-    while !wanted()? {
-        if start.elapsed() > TIMEOUT {
-            return Err("it does not come".into());
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    Ok(())
 }
 
 fn on_a_file() -> Result<(), Failed> {

@@ -1,6 +1,6 @@
 //! The history on a MongoDB server: of rmem's own writes, and of what other clients change.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use bson::{DateTime, Document, doc};
@@ -9,6 +9,8 @@ use mongodb::sync::Client;
 use rmem::memory::Memory;
 use rmem::memory::history::{Selection, listed};
 use rmem::store::{Find, HistoryRule, Namespace, Scope, StoreUri, UpdateRequest, UpdateSpec};
+
+use crate::processes::until;
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -112,12 +114,31 @@ fn recorded(uri: &str) -> Result<(), Failed> {
     let stop = AtomicBool::new(false);
     let other = Client::with_uri_str(uri)?;
     let other = other.database(&ns.database).collection::<Document>(&ns.collection);
-    let begun = &mut || {
-        // From here on, others are recorded.
-        drop(other.insert_one(doc! { "_id": 1 }).run());
-        drop(other.update_one(doc! { "_id": 1 }, doc! { "$set": { "n": 1 } }).run());
+    let kept = Client::with_uri_str(uri)?.database(&ns.database).collection::<Document>("rmem.history");
+    // Nobody reads the history by rmem, which would record it.
+    let is_kept = || -> Result<bool, Failed> {
+        Ok(stop.load(Ordering::Relaxed) || kept.count_documents(doc! { "ns": ns.to_string() }).run()? >= 2)
     };
-    assert_eq!(memory.record(&ns, Some(Duration::from_secs(2)), &stop, begun)?, 2);
+    std::thread::scope(|scope| -> Result<(), Failed> {
+        let waiting = scope.spawn(|| {
+            let waited = until("two changes are recorded", is_kept);
+            stop.store(true, Ordering::Relaxed);
+            waited
+        });
+        let mut written = Ok(());
+        let begun = &mut || {
+            // From here on, others are recorded.
+            let inserted = other.insert_one(doc! { "_id": 1 }).run();
+            let change = doc! { "$set": { "n": 1 } };
+            written = inserted.and_then(|_| other.update_one(doc! { "_id": 1 }, change).run()).map(drop);
+        };
+        let recorded = memory.record(&ns, None, &stop, begun);
+        stop.store(true, Ordering::Relaxed);
+        written?;
+        waiting.join().map_err(|_| "the wait panicked")??;
+        assert_eq!(recorded?, 2);
+        Ok(())
+    })?;
     assert_eq!(entries(&memory, &ns)?.len(), 2);
     Ok(())
 }

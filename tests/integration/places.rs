@@ -9,8 +9,7 @@ use bson::{Bson, Document, bson, doc};
 use libtest_mimic::Failed;
 use rmem::store::{Embedded, Find, Index, Namespace, Role, Store, StoreUri, open};
 
-/// The seed of a normal run: the same places every time.
-const SEED: u64 = 1;
+use crate::processes::seed;
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -205,12 +204,9 @@ struct Both {
 
 impl Both {
     fn new(uri: &str, collection: &str) -> Result<Self, Failed> {
-        let seed = match std::env::var("RMEM_TEST_SEED") {
-            Ok(seed) => seed.parse()?,
-            Err(_) => SEED,
-        };
         let ns = Namespace { database: "places".to_owned(), collection: collection.to_owned() };
-        Ok(Self { server: open(&StoreUri::parse(uri)?, Role::Shared)?, embedded: Embedded::in_memory()?, ns, seed })
+        let server = open(&StoreUri::parse(uri)?, Role::Shared)?;
+        Ok(Self { server, embedded: Embedded::in_memory()?, ns, seed: seed() })
     }
 
     fn fresh(&self, indexes: &[Index]) -> Result<(), Failed> {

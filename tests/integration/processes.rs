@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::doc;
 use libtest_mimic::{Failed, Trial};
@@ -16,6 +16,10 @@ use rmem::store::{Embedded, Find, Namespace, Store as _, UpdateRequest, UpdateSp
 const ROLE: &str = "RMEM_TEST_ROLE";
 /// How many writers are killed; more by hand than in every run.
 pub(crate) const KILLS: &str = "RMEM_TEST_KILLS";
+/// Another seed than that of every run.
+const SEED: &str = "RMEM_TEST_SEED";
+/// How long what has to come may take.
+const TIMEOUT: Duration = Duration::from_secs(180);
 /// How many documents each of the concurrent writers stores.
 const WRITES: &str = "RMEM_TEST_WRITES";
 
@@ -112,6 +116,56 @@ fn succeeds(child: Child) -> Result<(), Failed> {
 
 pub(crate) fn number(variable: &str, default: i32) -> i32 {
     std::env::var(variable).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
+/// Waits until something is so.
+pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> Result<bool, Failed>) -> Result<(), Failed> {
+    let since = Instant::now();
+    while !is_so()? {
+        if since.elapsed() > TIMEOUT {
+            return Err(format!("waited in vain until {what}").into());
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+/// Draws that look random: the same in every run, others where `RMEM_TEST_SEED` is set. A test that fails prints the
+/// seed.
+pub(crate) struct Draws {
+    seed: u64,
+    state: u64,
+    is_over: bool,
+}
+
+impl Draws {
+    pub(crate) fn new() -> Self {
+        let seed = seed();
+        Self { seed, state: seed, is_over: false }
+    }
+
+    pub(crate) fn draw(&mut self) -> u64 {
+        self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.state >> 33
+    }
+
+    /// The test has not failed.
+    pub(crate) fn end(mut self) {
+        self.is_over = true;
+    }
+}
+
+impl Drop for Draws {
+    fn drop(&mut self) {
+        if !self.is_over {
+            eprintln!("it failed with the seed {}; {SEED}={} makes the same draws", self.seed, self.seed);
+        }
+    }
+}
+
+/// The seed of all that is drawn: the same in every run, unless another one is asked for.
+pub(crate) fn seed() -> u64 {
+    std::env::var(SEED).map_or(1, |text| text.parse().expect("RMEM_TEST_SEED is a number"))
 }
 
 /// How many documents a writer of `count` batches stores.
@@ -219,11 +273,10 @@ fn a_full_disk_is_an_error_and_loses_nothing() -> Result<(), Failed> {
 fn what_a_killed_writer_acknowledged_is_there() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("robot.rmem");
-    let mut random = u64::from(std::process::id()) | 1;
+    let mut draws = Draws::new();
     for round in 0..number(KILLS, 30) {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let name = format!("w{round}");
-        let acknowledged = kill_one(spawn("write", &path, &name, i32::MAX)?, 0, 12, random >> 33)?;
+        let acknowledged = kill_one(spawn("write", &path, &name, i32::MAX)?, 0, 12, draws.draw())?;
         let store = Embedded::open(&path).map_err(|error| format!("round {round}: {error}"))?;
         for n in 0..acknowledged {
             let stored = store.count(&ns(), (&doc! { "writer": &name, "n": n }).into())?;
@@ -234,6 +287,7 @@ fn what_a_killed_writer_acknowledged_is_there() -> Result<(), Failed> {
         assert!(begun == 0 || begun == u64::from((1 + acknowledged % 3).unsigned_abs()), "round {round}: {begun}");
         store.delete(&ns(), (&doc! {}).into(), false)?;
     }
+    draws.end();
     Ok(())
 }
 

@@ -235,6 +235,7 @@ fn kill_mongod(program: &Path) -> Result<(), Failed> {
     pause.sleep(1_500_000);
     let written = writers.stop()?;
     drain(watching.ok_or("there is no watch")?, &mut received, &written)?;
+    pause.end();
     eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), received.again);
     Ok(())
 }

@@ -13,6 +13,8 @@ use bson::{Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::store::{Embedded, Namespace, Role, StoreUri, UpdateRequest, UpdateSpec, open};
 
+use super::processes::Draws;
+
 /// How often a watch is killed.
 const KILLS: &str = "RMEM_TEST_WATCH_KILLS";
 /// How long what has to come may take.
@@ -20,7 +22,7 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What needs no server.
 pub(crate) fn trials() -> Vec<Trial> {
-    let by_hand = Trial::test("watching::benchmark::how_soon_a_change_is_heard_of", latency).with_ignored_flag(true);
+    let by_hand = Trial::test("watching::benchmark::how_soon_a_change_is_delivered", latency).with_ignored_flag(true);
     vec![Trial::test("watching::a_killed_watch_of_a_file_misses_nothing", kill_watch_of_a_file), by_hand]
 }
 
@@ -172,16 +174,20 @@ impl Writers {
 }
 
 /// A pause between two kills, different each time.
-pub(crate) struct Pause(u64);
+pub(crate) struct Pause(Draws);
 
 impl Pause {
     pub(crate) fn new() -> Self {
-        Self(u64::from(std::process::id()) | 1)
+        Self(Draws::new())
     }
 
     pub(crate) fn sleep(&mut self, most: u64) {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        std::thread::sleep(Duration::from_micros((self.0 >> 33) % most));
+        std::thread::sleep(Duration::from_micros(self.0.draw() % most));
+    }
+
+    /// The test has not failed.
+    pub(crate) fn end(self) {
+        self.0.end();
     }
 }
 
@@ -217,6 +223,7 @@ pub(crate) fn killed_watch(uri: &str, ns: &Namespace) -> Result<(), Failed> {
     }
     let written = writers.stop()?;
     drain(Watching::start(uri, ns, home.path())?, &mut received, &written)?;
+    pause.end();
     eprintln!("{ns}: {} changes, {} of them again", written.iter().sum::<i32>(), received.again);
     Ok(())
 }
@@ -254,6 +261,7 @@ fn latency() -> Result<(), Failed> {
         watching.lines.recv_timeout(TIMEOUT)?;
         received.push(start.elapsed());
     }
+    pause.end();
     written.sort();
     received.sort();
     eprintln!(

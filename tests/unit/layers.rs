@@ -1,4 +1,4 @@
-//! Dependencies between modules point one way (docs/architecture.md).
+//! Dependencies between modules point one way (docs/architecture.md), and are those that are listed here.
 //!
 //! The sources are read as text: `use` trees and paths in bodies, without comments, literals, and unit tests.
 //! A name that a `mod.rs` re-exports counts as its origin's; the re-export itself is no dependency.
@@ -13,6 +13,40 @@ const RECURSIVE: [(&str, usize, &str); 4] = [
     ("query::filter::operators", 2, "filters contain filters"),
     ("query::filter::test", 2, "filters contain filters"),
     ("query::pipeline", 7, "stages such as $facet and $lookup contain pipelines"),
+];
+
+/// Each module, and the modules that it uses. A new dependency is written down here.
+const USES: [(&str, &str); 26] = [
+    ("backend", "fault formats settings store"),
+    ("bench", "memory store views"),
+    ("calendar", ""),
+    ("cli", "commands formats output settings store"),
+    ("clips", "error fault formats input memory plan planner planning problem process query store"),
+    (
+        "commands",
+        "backend bench calendar clips error exit fault formats input interrupt memory output pddl plan \
+         planner planning problem process query scene serve settings store views",
+    ),
+    ("error", "fault"),
+    ("exit", ""),
+    ("fault", ""),
+    ("formats", "calendar fault"),
+    ("input", "fault formats"),
+    ("interrupt", ""),
+    ("memory", "calendar fault formats input process query store"),
+    ("output", "error fault formats input interrupt process"),
+    ("pddl", "formats"),
+    ("plan", "fault formats memory pddl problem query store"),
+    ("planner", "fault formats pddl process"),
+    ("planning", "fault formats interrupt memory pddl plan planner problem process store"),
+    ("problem", "fault formats input memory pddl query store"),
+    ("process", "formats"),
+    ("query", "calendar fault"),
+    ("scene", "formats memory query store"),
+    ("serve", "fault memory query store"),
+    ("settings", "error formats input memory output pddl planner query scene store"),
+    ("store", "calendar fault formats interrupt process query"),
+    ("views", "fault formats memory query scene store"),
 ];
 
 type Name = Vec<String>;
@@ -270,16 +304,49 @@ fn sources() -> Modules {
     Modules::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"))
 }
 
-#[test]
-fn no_two_modules_import_each_other() {
+/// Which module depends on which; the library's own file is one without a name.
+fn between() -> BTreeMap<Name, BTreeSet<Name>> {
     let modules = sources();
     let mut between: BTreeMap<Name, BTreeSet<Name>> = BTreeMap::new();
     let top = |name: &Name| name.iter().take(1).cloned().collect::<Name>();
     for (from, all) in modules.dependencies() {
         between.entry(top(from)).or_default().extend(all.iter().map(top).filter(|to| *to != top(from)));
     }
+    between
+}
+
+#[test]
+fn no_two_modules_import_each_other() {
+    let between = between();
     assert!(between.len() > 15, "the modules were not found");
     assert_eq!(circles(&between), Vec::<Vec<Name>>::new());
+}
+
+#[test]
+fn a_module_uses_those_that_are_listed_for_it() {
+    let found = between().into_iter().filter(|(module, _)| !module.is_empty());
+    let found: Vec<(String, String)> = found
+        .map(|(module, used)| (module.concat(), used.into_iter().flatten().collect::<Vec<String>>().join(" ")))
+        .collect();
+    assert_eq!(found, USES.map(|(module, used)| (module.to_owned(), used.to_owned())));
+}
+
+#[test]
+fn the_page_on_architecture_has_every_module_in_its_table() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = fs::read_to_string(root.join("docs/architecture.md")).unwrap();
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `src/")).collect();
+    let library = fs::read_to_string(root.join("src/lib.rs")).unwrap();
+    let modules =
+        library.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'));
+    let mut count = 0;
+    for module in modules {
+        let is_in =
+            |row: &&str| row.contains(&format!("`src/{module}/`")) || row.contains(&format!("`src/{module}.rs`"));
+        assert!(rows.iter().any(is_in), "add {module} to the table of docs/architecture.md");
+        count += 1;
+    }
+    assert!(count > 15, "the modules were not found");
 }
 
 #[test]

@@ -97,7 +97,7 @@ fn a_loop_over_keys_is_written_as_the_engine_writes_it() {
             assert_eq!(streamed(&template, documents()), text(&template), "{nth} {template}");
         }
     }
-    // What is wrong in a row is told by the engine.
+    // What is wrong in a row is reported by minijinja.
     for (nth, wrong) in [
         "{{ r.z }}",
         "{{ r.l }}",

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The one module that may.
-const ROOM: &str = "src/clips/engine/native";
+const MODULE: &str = "src/clips/engine/native";
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -18,7 +18,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn one_room_only_may_be_unsafe() {
+fn one_module_only_may_be_unsafe() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let (mut found, mut allowing) = (Vec::new(), Vec::new());
     sources(&root.join("src"), &mut found);
@@ -29,7 +29,7 @@ fn one_room_only_may_be_unsafe() {
             allowing.push(path.strip_prefix(root).unwrap().to_owned());
         }
     }
-    assert_eq!(allowing, [Path::new(ROOM).join("mod.rs")]);
+    assert_eq!(allowing, [Path::new(MODULE).join("mod.rs")]);
     let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
     assert!(manifest.contains("unsafe_code = \"deny\""));
 }
@@ -38,7 +38,7 @@ fn one_room_only_may_be_unsafe() {
 fn every_unsafe_block_says_why_it_is_safe() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = Vec::new();
-    sources(&root.join(ROOM), &mut found);
+    sources(&root.join(MODULE), &mut found);
     assert!(found.len() > 3, "{found:?}");
     for path in found {
         let text = fs::read_to_string(&path).unwrap();

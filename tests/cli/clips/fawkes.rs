@@ -330,7 +330,7 @@ fn an_executive_that_does_not_say_who_it_is_is_told_that_it_shares_nothing() {
     let lab = lab();
     let nameless = WM.replace("/cx/identity", "/cx/other").replace("cx identity", "cx other");
     let facts = "(deffacts f (wm-fact (id \"/domain/x\") (key domain x) (type SYMBOL) (value y)))\n";
-    let run = run(&lab, &[("wm.clp", &nameless), ("facts.clp", facts)], &["--timeout", "1s"]);
+    let run = run(&lab, &[("wm.clp", &nameless), ("facts.clp", facts)], &["--timeout", "5s"]);
     let told = run.stderr.lines().filter(|line| line.contains("\"/cx/identity\" says who this is")).count();
     assert_eq!(told, 1, "{run}");
 }

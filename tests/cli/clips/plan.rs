@@ -1,5 +1,10 @@
 //! Planning inside programs of CLIPS does what `rmem plan` does.
 
+use std::process::{Command, Stdio};
+
+use rustix::process::{Pid, Signal};
+
+use crate::lab::watch::{end, until};
 use crate::lab::{Finished, Lab, assert_run, rmem};
 
 /// Lamps that can be lit where they have a wick. The predicate `near` has more arguments than FF 2.3 has room for.
@@ -26,10 +31,17 @@ fn run(lab: &Lab, actions: &str) -> Finished {
 #[test]
 fn a_search_that_is_interrupted_in_clips_is_not_stored_as_a_failed_plan() {
     let lab = lab();
-    lab.write("rmem.toml", "[planner.slow]\ncommand = [\"/bin/sleep\", \"60\"]\noutput = \"ff\"\n");
+    let begun = lab.path().join("begun").display().to_string();
+    let command = format!("command = ['/bin/sh', '-c', 'touch {begun}; exec sleep 100']");
+    lab.write("rmem.toml", &format!("[planner.slow]\n{command}\noutput = 'ff'\n"));
     lab.write("program.clp", "(defrule go => (rm-plan \"domain.pddl\" \"problem.pddl\" slow))");
     lab.rmem(&["insert", "lab.lamps", "{name: 'a'}"]).success();
-    lab.shell("timeout --preserve-status -s INT 2 rmem clips run program.clp").exits(130);
+    let mut command = Command::new(rmem());
+    lab.isolate(command.args(["clips", "run", "program.clp"]).stdout(Stdio::null()).stderr(Stdio::null()));
+    let mut running = command.spawn().unwrap();
+    until("the planner runs", || lab.path().join("begun").exists());
+    rustix::process::kill_process(Pid::from_child(&running), Signal::INT).unwrap();
+    assert_eq!(end(&mut running), 130);
     assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");
     // The same planner, stopped by its own limit, is.
     assert_run!(run(&lab, "(printout t (rm-plan \"domain.pddl\" \"problem.pddl\" slow 1))"), @r"

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::lab::watch::Watch;
 use crate::lab::{Finished, Lab, assert_run};
 
 fn lab() -> Lab {
@@ -351,8 +352,8 @@ fn a_shared_fact_is_a_document_and_both_change_together() {
     let next =
         format!("{template} (defrule see (thing (tag ?t) (list $?l)) => (printout t (stringp ?t) ?l crlf) (halt))");
     assert_eq!(run(&lab, &next, &["--sync", "--timeout", "20s"]).success(), "TRUE(3 \"b\")\n");
-    let foreign = format!("{template} (defrule r => (printout t (synced-modify (assert (thing)) n 1)))");
-    assert_run!(run(&lab, &foreign, &["--timeout", "1s"]), @r"
+    let foreign = format!("{template} (defrule r => (printout t (synced-modify (assert (thing)) n 1)) (halt))");
+    assert_run!(run(&lab, &foreign, &["--timeout", "20s"]), @r"
     FALSE------- stderr -------
     [RMEM5] Function 'synced-modify': the fact is none of the shared world model
     [exit code: 0]
@@ -421,11 +422,11 @@ fn an_executive_in_clips_plans_acts_and_plans_again() {
 #[test]
 fn an_interrupted_program_ends_with_130() {
     let lab = lab();
-    lab.write("endless.clp", "(defrule go => (printout t \"begun\" crlf) (while TRUE do (bind ?n 1)))");
-    let program = lab.path().join("endless.clp");
-    let run =
-        lab.shell(&format!("timeout --preserve-status -s INT 2 rmem --memory mem: clips run {}", program.display()));
-    assert_eq!((run.code, run.stdout.as_str()), (130, "begun\n"), "{run}");
+    let actions = "(printout t \"begun\" crlf) (printout stderr \"it goes on\" crlf) (while TRUE do (bind ?n 1))";
+    lab.write("endless.clp", &format!("(defrule go => {actions})"));
+    let run = Watch::rmem(&lab, &["--memory", "mem:", "clips", "run", "endless.clp"], "it goes on");
+    run.signal("INT");
+    assert_eq!(run.end(), (130, vec!["begun".to_owned()]));
 }
 
 #[test]

@@ -7,8 +7,29 @@ use std::time::{Duration, Instant};
 
 use super::{Lab, rmem};
 
-/// How long a test waits for a line, or for the end of a process.
+/// How long a test waits for a line, for the end of a process, or for something else.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Waits until something is so.
+#[track_caller]
+pub(crate) fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !is_so() {
+        assert!(since.elapsed() < TIMEOUT, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Waits for the end of a process; gives its exit code.
+#[track_caller]
+pub(crate) fn end(child: &mut Child) -> i32 {
+    let mut status = None;
+    until("a process ends", || {
+        status = child.try_wait().unwrap();
+        status.is_some()
+    });
+    status.and_then(|status| status.code()).unwrap_or(-1)
+}
 
 /// A `watch` of some kind; killed when it is dropped.
 pub(crate) struct Watch {
@@ -58,15 +79,8 @@ impl Watch {
     /// Waits for the end; gives the exit code, and what was delivered and not yet taken.
     #[track_caller]
     pub(crate) fn end(mut self) -> (i32, Vec<String>) {
-        let since = Instant::now();
-        loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                let rest = self.lines.iter().collect();
-                return (status.code().unwrap_or(-1), rest);
-            }
-            assert!(since.elapsed() < TIMEOUT, "it does not end");
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        let code = end(&mut self.child);
+        (code, self.lines.iter().collect())
     }
 
     pub(crate) fn signal(&self, signal: &str) {

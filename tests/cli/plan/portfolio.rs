@@ -4,21 +4,32 @@ use std::path::Path;
 
 use crate::lab::{Finished, Lab, assert_run};
 
-/// Planners that cannot be had from real ones: one that never ends, one whose plan is wrong, and one that is right only
-/// after that one was wrong.
+/// Planners that cannot be had from real ones: one that never ends, one that is right once that one is there, one whose
+/// plan is wrong, and one that is right once all others are over.
 const PLANNERS: &str = "[planner.sleeper]\ncommand = [\"/bin/sh\", \"-c\", \"echo $$ > PID; exec sleep 100\"]\noutput = \"ff\"\n\
-     [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}; touch LIED\"]\noutput = \"downward\"\n\
-     [planner.late]\ncommand = [\"/bin/sh\", \"-c\", \"until [ -e LIED ]; do sleep 0.05; done; sleep 1; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
+     [planner.second]\ncommand = [\"/bin/sh\", \"-c\", \"until [ -s PID ]; do sleep 0.05; done; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
+     [planner.liar]\ncommand = [\"/bin/sh\", \"-c\", \"echo '(light a)' > {plan}; echo '; cost = 1 (unit cost)' >> {plan}\"]\noutput = \"downward\"\n\
+     [planner.late]\ncommand = [\"/bin/sh\", \"-c\", \"ALONE; exec RMEM ff -o {domain} -f {problem}\"]\noutput = \"ff\"\n\
      [planner.absent]\ncommand = [\"/nonexistent/planner\"]\noutput = \"ff\"\n\
      [planner.believer]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'The problem is unsolvable'\"]\noutput = \"temporal\"\n\
      [planner.quitter]\ncommand = [\"/bin/sh\", \"-c\", \"echo 'search cap reached!'\"]\noutput = \"ff\"\n";
 
+/// Waits until no other planner runs: each has a folder beside this one's, until it is known what it came to.
+const ALONE: &str = "until [ $(ls .. | wc -l) = 1 ]; do sleep 0.05; done";
+
+/// A lab whose planners can see each other.
+fn lab() -> Lab {
+    let lab = Lab::new();
+    let folder = lab.path().join("runs");
+    std::fs::create_dir(&folder).unwrap();
+    lab.env("TMPDIR", &folder.display().to_string())
+}
+
 /// Runs planners against each other on a task of the fixtures.
 fn race(lab: &Lab, task: &str, planners: &[&str], more: &[&str]) -> Finished {
     let pid = lab.path().join("sleeper.pid").display().to_string();
-    let lied = lab.path().join("lied").display().to_string();
     let rmem = crate::lab::rmem().display().to_string();
-    lab.write("rmem.toml", &PLANNERS.replace("PID", &pid).replace("LIED", &lied).replace("RMEM", &rmem));
+    lab.write("rmem.toml", &PLANNERS.replace("PID", &pid).replace("ALONE", ALONE).replace("RMEM", &rmem));
     let (domain, problem) =
         (format!("fixtures/tasks/{task}/domain.pddl"), format!("fixtures/tasks/{task}/problem.pddl"));
     let mut words = vec!["plan", "-d", &domain, "-p", &problem, "--no-store"];
@@ -34,19 +45,23 @@ fn row<'r>(run: &'r Finished, planner: &str) -> &'r str {
 
 #[test]
 fn the_first_valid_plan_wins_and_the_other_planners_are_stopped() {
-    let lab = Lab::new();
-    let run = race(&lab, "solvable", &["sleeper", "builtin"], &[]).exits(0);
-    assert!(run.stdout.starts_with('('), "{run}");
-    assert!(row(&run, "builtin").contains("success") && row(&run, "builtin").ends_with("wins"), "{run}");
-    assert!(row(&run, "sleeper").contains("stopped"), "{run}");
-    if let Ok(pid) = std::fs::read_to_string(lab.path().join("sleeper.pid")) {
-        assert!(!Path::new("/proc").join(pid.trim()).exists(), "the sleeper is still there");
+    for winner in ["builtin", "second"] {
+        let lab = Lab::new();
+        let run = race(&lab, "solvable", &["sleeper", winner], &[]).exits(0);
+        assert!(run.stdout.starts_with('('), "{run}");
+        assert!(row(&run, winner).contains("success") && row(&run, winner).ends_with("wins"), "{run}");
+        assert!(row(&run, "sleeper").contains("stopped"), "{run}");
+        // The second has waited until the sleeper was there.
+        if winner == "second" {
+            let pid = lab.read("sleeper.pid");
+            assert!(!Path::new("/proc").join(pid.trim()).exists(), "the sleeper is still there");
+        }
     }
 }
 
 #[test]
 fn a_wrong_plan_does_not_win() {
-    let run = race(&Lab::new(), "solvable", &["liar", "late"], &[]).exits(0);
+    let run = race(&lab(), "solvable", &["liar", "late"], &[]).exits(0);
     assert!(row(&run, "liar").contains("invalid"), "{run}");
     assert!(row(&run, "late").ends_with("wins"), "{run}");
 }
@@ -59,10 +74,8 @@ fn a_proof_ends_the_race() {
 
 #[test]
 fn a_planner_that_cannot_run_keeps_no_other_from_winning() {
-    let lab = Lab::new();
     // The one that can is late, so that the others are done.
-    lab.write("lied", "");
-    let run = race(&lab, "numeric", &["fast-downward", "absent", "late"], &[]).exits(0);
+    let run = race(&lab(), "numeric", &["fast-downward", "absent", "late"], &[]).exits(0);
     assert!(row(&run, "fast-downward").contains("unsupported"), "{run}");
     assert!(row(&run, "absent").contains("not-found"), "{run}");
 }
@@ -108,8 +121,7 @@ fn what_a_configured_planner_lacks_is_refused_with_the_line() {
 
 #[test]
 fn a_claim_without_a_proof_ends_no_race() {
-    let lab = Lab::new();
-    lab.write("lied", "");
+    let lab = lab();
     let run = race(&lab, "solvable", &["believer", "late"], &[]).exits(0);
     assert!(row(&run, "believer").contains("gave-up") && row(&run, "late").ends_with("wins"), "{run}");
     race(&lab, "solvable", &["believer"], &[]).exits(12);
@@ -160,7 +172,7 @@ fn the_limit_of_memory_is_one_for_all() {
 
 #[test]
 fn a_race_is_stored_with_its_plan() {
-    let lab = Lab::new();
+    let lab = lab();
     race(&lab, "solvable", &["quitter", "builtin"], &[]).exits(0);
     let task = ["domain", "problem"].map(|name| format!("fixtures/tasks/solvable/{name}.pddl"));
     lab.rmem(&["plan", "-d", &task[0], "-p", &task[1], "--planner", "late", "--planner", "liar"]).exits(0);
@@ -174,6 +186,11 @@ fn a_race_is_stored_with_its_plan() {
     assert!(why.contains("race        liar: invalid after"), "{why}");
 }
 
+/// A shell line that waits for something, for a minute at most.
+fn waiting(condition: &str) -> String {
+    format!("timeout 60 sh -c 'until {condition}; do sleep 0.05; done'")
+}
+
 #[test]
 fn what_was_interrupted_is_not_stored() {
     let lab = Lab::new();
@@ -181,7 +198,8 @@ fn what_was_interrupted_is_not_stored() {
     let pid = lab.path().join("sleeper.pid").display().to_string();
     let task = "-d fixtures/tasks/solvable/domain.pddl -p fixtures/tasks/solvable/problem.pddl";
     let run = lab.shell(&format!(
-        "rmem plan {task} --planner sleeper & until [ -s {pid} ]; do sleep 0.05; done; kill -TERM $!; wait $!"
+        "rmem plan {task} --planner sleeper & {}; kill -TERM $!; wait $!",
+        waiting(&format!("[ -s {pid} ]"))
     ));
     let run = run.exits(130);
     assert!(!run.stderr.contains("stored"), "{run}");
@@ -201,14 +219,14 @@ fn one_planner_makes_no_table() {
     ");
 }
 
-/// A planner that writes a longer way first and ends, and one that writes a shorter way later.
+/// A planner that writes a longer way first and ends, and one that writes a shorter way when that one is over.
 const WAYS: &str = "[planner.quick]\ncommand = [\"/bin/sh\", \"-c\", \"printf '(go a)\\\\n(go b)\\\\n; cost = 2 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n\
-     [planner.slow]\ncommand = [\"/bin/sh\", \"-c\", \"sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n";
+     [planner.slow]\ncommand = [\"/bin/sh\", \"-c\", \"ALONE; sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\noutput = \"downward\"\n";
 
 #[test]
 fn a_race_with_anytime_goes_on_after_the_first_plan_and_the_best_wins() {
-    let lab = Lab::new();
-    lab.write("rmem.toml", WAYS);
+    let lab = lab();
+    lab.write("rmem.toml", &WAYS.replace("ALONE", ALONE));
     lab.write(
         "d.pddl",
         "(define (domain d) (:constants a b) (:predicates (at ?x) (there))
@@ -258,10 +276,10 @@ fn large_delivery(lab: &Lab) {
 fn anytime_uses_all_the_time_for_a_task_with_durations() {
     let lab = Lab::new();
     large_delivery(&lab);
-    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "3s", "--anytime"];
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "10s", "--anytime"];
     let start = std::time::Instant::now();
     let found = lab.rmem(&words).exits(0);
-    assert!(start.elapsed().as_secs_f64() > 2.7 && found.stdout.contains("; makespan = "), "{found}");
+    assert!(start.elapsed().as_secs_f64() > 9.0 && found.stdout.contains("; makespan = "), "{found}");
     assert!(!found.stderr.contains("ended after"), "{found}");
 }
 
@@ -316,7 +334,7 @@ fn the_plan_that_ends_first_wins_a_race_with_anytime() {
         )
     };
     lab.write("rmem.toml", &planner("sequential", ""));
-    let race = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "3s"];
+    let race = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "30s"];
     let race = [&race[..], &["--planner", "sequential", "--planner", "builtin"]].concat();
     let best = lab.rmem(&[&race[..], &["--anytime"]].concat()).exits(0);
     assert!(row(&best, "builtin").ends_with("wins") && row(&best, "sequential").contains("success"), "{best}");
@@ -369,7 +387,8 @@ fn an_interrupted_search_for_the_best_plan_stores_and_prints_the_best_so_far() {
         let found = searching(&lab);
         let words = "plan -d d.pddl -p p.pddl --anytime --planner searcher --planner builtin --format json";
         let run = lab.shell(&format!(
-            "rmem {words} & until [ -e {found} ]; do sleep 0.05; done; sleep 0.2; kill -{signal} $!; wait $!"
+            "rmem {words} & {}; sleep 0.2; kill -{signal} $!; wait $!",
+            waiting(&format!("[ -e {found} ]"))
         ));
         let run = run.exits(130);
         let report: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
@@ -387,7 +406,8 @@ fn an_interrupted_search_for_the_first_plan_takes_none() {
     let lab = Lab::new();
     let found = searching(&lab);
     let run = lab.shell(&format!(
-        "rmem plan -d d.pddl -p p.pddl --planner searcher & until [ -e {found} ]; do sleep 0.05; done; kill -INT $!; wait $!"
+        "rmem plan -d d.pddl -p p.pddl --planner searcher & {}; kill -INT $!; wait $!",
+        waiting(&format!("[ -e {found} ]"))
     ));
     assert_eq!(run.exits(130).stdout, "");
     lab.rmem(&["plan", "show", "last"]).exits(2);
@@ -397,8 +417,16 @@ fn an_interrupted_search_for_the_first_plan_takes_none() {
 fn a_plan_that_is_there_when_the_time_is_over_counts() {
     let lab = Lab::new();
     large_delivery(&lab);
-    // The first plan is there in a fraction of that; the search for one that ends earlier may take longer.
-    let found = lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", "2s"]).exits(0);
+    // The first plan is there long before the search for one that ends earlier is over: at one of these limits.
+    let mut limit = 50;
+    let found = loop {
+        let timeout = format!("{limit}ms");
+        let run = lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--timeout", &timeout]);
+        if run.code != 23 || limit > 60_000 {
+            break run.exits(0);
+        }
+        limit *= 2;
+    };
     assert!(found.stdout.contains("; makespan = "), "{found}");
 }
 
@@ -490,17 +518,15 @@ fn what_a_planner_says_of_its_input_is_told_with_the_users_own_lines() {
     assert_eq!(first, "error: old: it refused its input: own.pddl:10: syntax error, 'define' expected at `Q`", "{run}");
 }
 
-/// A task, a planner that finds a plan, and two that say at once, or once that is there, that there is none.
+/// A task, a planner that finds a plan, and two that say at once, or once all others are over, that there is none.
 fn contradiction(lab: &Lab) {
     searching(lab);
-    let folder = lab.path().display();
     lab.write(
         "rmem.toml",
         &format!(
             "[planner.good]\noutput = 'downward'\n\
-             command = ['/bin/sh', '-c', \"printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {{plan}}; : > {folder}/found\"]\n\
-             [planner.liar]\noutput = 'downward'\n\
-             command = ['/bin/sh', '-c', 'until [ -e {folder}/found ]; do sleep 0.05; done; sleep 1; exit 11']\n\
+             command = ['/bin/sh', '-c', \"printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {{plan}}\"]\n\
+             [planner.liar]\noutput = 'downward'\ncommand = ['/bin/sh', '-c', '{ALONE}; exit 11']\n\
              [planner.claimer]\noutput = 'downward'\ncommand = ['/bin/sh', '-c', 'exit 11']\n"
         ),
     );
@@ -508,7 +534,7 @@ fn contradiction(lab: &Lab) {
 
 #[test]
 fn a_valid_plan_refutes_the_word_that_there_is_none() {
-    let lab = Lab::new();
+    let lab = lab();
     contradiction(&lab);
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "20s"];
     let run = lab.rmem(&[&words[..], &["--planner", "good", "--planner", "liar"]].concat()).exits(0);
@@ -532,7 +558,7 @@ fn only_a_proof_of_rmem_is_called_one() {
 fn that_no_better_plan_is_looked_for_is_said_only_where_no_planner_goes_on() {
     let lab = Lab::new();
     contradiction(&lab);
-    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "2s"];
+    let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "5s"];
     let alone = lab.rmem(&[&words[..], &["--planner", "good"]].concat()).exits(0);
     assert!(alone.stderr.contains("; no better plan is looked for any more"), "{alone}");
     searching(&lab);
@@ -559,11 +585,11 @@ fn a_cost_by_a_metric_is_no_unit_cost() {
 
 #[test]
 fn a_claim_of_another_planner_lets_the_others_go_on() {
-    let lab = Lab::new();
+    let lab = lab();
     contradiction(&lab);
     let late = "[planner.late]\noutput = 'downward'\n\
-         command = ['/bin/sh', '-c', \"sleep 1; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\n";
-    lab.write("rmem.toml", &(lab.read("rmem.toml") + late));
+         command = ['/bin/sh', '-c', \"ALONE; printf '(jump)\\\\n; cost = 1 (unit cost)\\\\n' > {plan}\"]\n";
+    lab.write("rmem.toml", &(lab.read("rmem.toml") + &late.replace("ALONE", ALONE)));
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "claimer", "--planner", "late"];
     let run = lab.rmem(&words).exits(0);
     assert!(row(&run, "claimer").contains("wrong") && row(&run, "late").ends_with("wins"), "{run}");
@@ -573,14 +599,23 @@ fn a_claim_of_another_planner_lets_the_others_go_on() {
 fn a_plan_file_that_is_there_when_the_time_is_over_counts_if_it_is_valid() {
     let lab = Lab::new();
     searching(&lab);
+    let mut planners = Vec::new();
     for (step, exit) in [("(jump)", 0), ("(jum", 23)] {
         for output in ["downward", "temporal", "auto"] {
+            let name = format!("{output}-{exit}");
             let command = format!("['/bin/sh', '-c', \"printf '{step}\\\\n' > {{plan}}; sleep 100\"]");
-            lab.write("rmem.toml", &format!("[planner.p]\noutput = '{output}'\ncommand = {command}\n"));
-            let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", "p", "--timeout", "1s"];
-            lab.rmem(&words).exits(exit);
+            planners.push((format!("[planner.{name}]\noutput = '{output}'\ncommand = {command}\n"), name, exit));
         }
     }
+    lab.write("rmem.toml", &planners.iter().map(|(settings, ..)| settings.as_str()).collect::<String>());
+    // Side by side, for each takes all of its time.
+    std::thread::scope(|scope| {
+        for (_, name, exit) in &planners {
+            let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--planner", name, "--timeout", "5s"];
+            let lab = &lab;
+            scope.spawn(move || lab.rmem(&words).exits(*exit));
+        }
+    });
 }
 
 #[test]

@@ -1,13 +1,27 @@
 //! plan --watch.
 
-use super::STACKED;
-use crate::lab::{Lab, TASK, root};
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 
-/// `rmem plan --watch` on the blocks world, and what it prints.
+use super::STACKED;
+use crate::lab::watch::{TIMEOUT, end, until};
+use crate::lab::{Lab, TASK, rmem, root};
+
+/// `rmem plan --watch` on the blocks world, and what it prints; killed when it is dropped.
 struct Watcher {
-    child: std::process::Child,
-    plans: std::io::Lines<std::io::BufReader<std::process::ChildStdout>>,
-    messages: std::io::Lines<std::io::BufReader<std::process::ChildStderr>>,
+    child: Child,
+    plans: Receiver<String>,
+    messages: Receiver<String>,
+}
+
+/// The lines of a pipe as they come.
+fn lines(pipe: impl std::io::Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        BufReader::new(pipe).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+    });
+    lines
 }
 
 impl Watcher {
@@ -17,24 +31,23 @@ impl Watcher {
     }
 
     fn with(lab: &Lab, task: &[&str]) -> Self {
-        use std::io::{BufRead as _, BufReader};
-        let mut command = std::process::Command::new(crate::lab::rmem());
+        let mut command = Command::new(rmem());
         lab.isolate(&mut command);
         let command = command.args([&["plan", "--watch"], task].concat());
-        let pipes = command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
-        let mut child = pipes.spawn().unwrap();
-        let plans = BufReader::new(child.stdout.take().unwrap()).lines();
-        let messages = BufReader::new(child.stderr.take().unwrap()).lines();
-        let mut watcher = Self { child, plans, messages };
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let plans = lines(child.stdout.take().unwrap());
+        let messages = lines(child.stderr.take().unwrap());
+        let watcher = Self { child, plans, messages };
         watcher.messages_until("watching robmem.");
         watcher
     }
 
     /// The lines on stderr up to one with this text.
-    fn messages_until(&mut self, text: &str) -> Vec<String> {
+    #[track_caller]
+    fn messages_until(&self, text: &str) -> Vec<String> {
         let mut lines = Vec::new();
         loop {
-            lines.push(self.messages.next().unwrap_or_else(|| panic!("no {text}: {lines:?}")).unwrap());
+            lines.push(self.messages.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("no {text}: {lines:?}")));
             if lines.last().unwrap().contains(text) {
                 return lines;
             }
@@ -42,10 +55,11 @@ impl Watcher {
     }
 
     /// The next plan that is printed.
-    fn plan(&mut self) -> Vec<String> {
+    #[track_caller]
+    fn plan(&self) -> Vec<String> {
         let mut lines = Vec::new();
         loop {
-            lines.push(self.plans.next().unwrap().unwrap());
+            lines.push(self.plans.recv_timeout(TIMEOUT).unwrap_or_else(|_| panic!("no whole plan: {lines:?}")));
             if lines.last().unwrap().starts_with("; cost") {
                 return lines;
             }
@@ -55,7 +69,14 @@ impl Watcher {
     fn interrupt(mut self) -> i32 {
         let pid = rustix::process::Pid::from_child(&self.child);
         rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
-        self.child.wait().unwrap().code().unwrap()
+        end(&mut self.child)
+    }
+}
+
+impl Drop for Watcher {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -63,7 +84,7 @@ impl Watcher {
 fn a_watch_plans_again_only_where_the_plan_does_not_hold() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
-    let mut watcher = Watcher::new(&lab);
+    let watcher = Watcher::new(&lab);
     assert_eq!(watcher.plan().len(), 6);
     // What the plan does not care about, and a step that is begun, done and noted: it still holds.
     lab.rmem(&["insert", "robmem.worldmodel", "{relation: 'weather', is: 'fine'}"]).success();
@@ -87,7 +108,7 @@ fn a_watch_plans_again_only_where_the_plan_does_not_hold() {
 fn what_changes_during_a_step_is_looked_at_at_once() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
-    let mut watcher = Watcher::new(&lab);
+    let watcher = Watcher::new(&lab);
     watcher.plan();
     lab.rmem(&["plan", "step", "last", "1", "--started"]).success();
     STACKED.iter().for_each(|line| drop(lab.shell(line).success()));
@@ -117,13 +138,11 @@ fn a_step_that_is_done_while_the_plan_is_checked_does_not_break_it() {
     lab.write("problem.j2", &format!("{{%- set seen = count('robmem.camera', {{'seen': true}}) -%}}\n{template}"));
     let mut task = TASK;
     task[5] = "problem.j2";
-    let mut watcher = Watcher::with(&lab, &task[2..]);
+    let watcher = Watcher::with(&lab, &task[2..]);
     assert_eq!(watcher.plan()[0], "(stack B C)");
     std::fs::create_dir(lab.path().join("go")).unwrap();
     lab.rmem(&["insert", "robmem.worldmodel", "{relation: 'weather', is: 'fine'}"]).success();
-    while !lab.path().join("gone").exists() {
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
+    until("the step is done while the plan is checked", || lab.path().join("gone").exists());
     // What breaks it is found in the steps that are left.
     lab.rmem(&["delete", "robmem.worldmodel", "{relation: 'clear', object: 'D'}"]).success();
     let lines = watcher.messages_until("does not hold");
@@ -135,7 +154,7 @@ fn a_step_that_is_done_while_the_plan_is_checked_does_not_break_it() {
 fn a_watch_follows_what_facts_are_computed_from() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.blocks", "--load", "fixtures/blocksworld-geometric.json"]).success();
-    let mut watcher = Watcher::with(&lab, &[&["--config", "fixtures/blocksworld-geometric.toml"], &TASK[2..]].concat());
+    let watcher = Watcher::with(&lab, &[&["--config", "fixtures/blocksworld-geometric.toml"], &TASK[2..]].concat());
     assert_eq!(watcher.plan()[0], "(stack B C)");
     // The camera sees that D has fallen from A.
     let fallen = "{$set: {translation: [0.6, -0.2, 0.0]}}";
@@ -150,7 +169,7 @@ fn a_watch_follows_what_facts_are_computed_from() {
 fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
-    let mut watcher = Watcher::new(&lab);
+    let watcher = Watcher::new(&lab);
     watcher.plan();
     lab.rmem(&["delete", "robmem.worldmodel", "{object: 'C'}", "--many"]).success();
     let messages = watcher.messages_until("no plan: ");

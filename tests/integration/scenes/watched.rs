@@ -160,6 +160,7 @@ fn killed(uri: &str) -> Result<(), Failed> {
         }
         came.insert(words(&operation));
     }
+    pause.end();
     Ok(())
 }
 
@@ -209,5 +210,6 @@ pub(crate) fn latency(uri: &str) -> Result<(), Failed> {
             times[CHANGES - 1]
         );
     }
+    pause.end();
     Ok(())
 }

@@ -1,14 +1,13 @@
 //! Messages that are none: a connection may end, the server never does.
 
-use std::time::Duration;
-
 use bson::{Document, doc};
 use libtest_mimic::Failed;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
-use super::wire::{Wire, message};
+use super::wire::{Wire, connected, message};
 use super::{Case, Served};
+use crate::processes::until;
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("damaged_messages_cost_their_connection_and_nothing_else", damaged),
@@ -210,13 +209,40 @@ fn halves() -> Result<(), Failed> {
         wire.send(&[48_000_000_u32, 1, 0, 2013].map(u32::to_le_bytes).concat())?;
         waiting.push(wire);
     }
-    std::thread::sleep(Duration::from_millis(200));
+    let mut asking = Wire::connect(served.address())?;
+    until("all clients are heard", || {
+        let is_there = connected(&mut asking)? == i64::try_from(waiting.len())? + 1;
+        Ok(is_there && unread(served.address())? == 0 && is_at_rest(served.child.id())?)
+    })?;
     let status = std::fs::read_to_string(format!("/proc/{}/status", served.child.id())).unwrap_or_default();
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
     assert!(resident.unwrap_or(0_u64) < 400_000, "{resident:?} kB");
     let answer = Wire::connect(served.address())?.run(&commands()[1])?;
     assert_eq!(answer.get_i32("n")?, 1);
     Ok(())
+}
+
+/// How many connections of a server have bytes that it has not read.
+fn unread(address: &str) -> Result<usize, Failed> {
+    let port: u16 = address.rsplit(':').next().ok_or("no port")?.parse()?;
+    let table = std::fs::read_to_string("/proc/net/tcp")?;
+    let is_unread = |line: &&str| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        matches!(fields[..], [_, local, _, "01", queues, ..]
+            if local.ends_with(&format!(":{port:04X}")) && !queues.ends_with(":00000000"))
+    };
+    Ok(table.lines().filter(is_unread).count())
+}
+
+/// Whether every thread of a process waits for something.
+fn is_at_rest(process: u32) -> Result<bool, Failed> {
+    for thread in std::fs::read_dir(format!("/proc/{process}/task"))? {
+        let stat = std::fs::read_to_string(thread?.path().join("stat")).unwrap_or_default();
+        if stat.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with('S')) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Values of every kind in every place of a command.

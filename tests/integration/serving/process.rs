@@ -9,8 +9,9 @@ use bson::{Document, doc};
 use libtest_mimic::Failed;
 use mongodb::sync::Client;
 
-use super::wire::{Wire, message};
+use super::wire::{Wire, message, status};
 use super::{Case, Served};
+use crate::processes::until;
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("what_was_begun_is_answered_before_the_server_ends", ends),
@@ -35,7 +36,7 @@ fn ends() -> Result<(), Failed> {
     let mut idle = Wire::connect(served.address())?;
     idle.run(&doc! { "ping": 1, "$db": "a" })?;
     wire.send(&message(&doc! { "insert": "c", "documents": documents, "$db": "a" }))?;
-    std::thread::sleep(Duration::from_millis(50));
+    until("the command has come", || Ok(status(&mut idle, "network")?.get_i64("bytesIn")? > 1_000_000))?;
     let answer = std::thread::spawn(move || wire.receive().map(|answer| answer.get_i32("n").ok()).ok().flatten());
     assert_eq!(served.terminate()?, Some(0));
     assert_eq!(answer.join().ok().flatten(), Some(20_000));

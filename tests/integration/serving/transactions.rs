@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 
-use super::wire::Wire;
+use super::wire::{Wire, connected};
 use super::{Case, Served};
+use crate::processes::until;
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_is_kept_as_a_whole_or_not_at_all", whole),
@@ -381,10 +382,7 @@ fn handed() -> Result<(), Failed> {
         assert!(!second.run(number + 1, true, command(2))?.contains_key("code"));
         drop(first);
         // The server has seen that it is gone.
-        while plain(&mut second.wire, doc! { "serverStatus": 1 })?.get_document("connections")?.get_i64("current")? > 1
-        {
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        until("the first connection is over", || Ok(connected(&mut second.wire)? == 1))?;
         assert!(!second.run(number + 1, false, command(3))?.contains_key("code"));
         fine(second.end(number + 1, "commitTransaction")?);
     }

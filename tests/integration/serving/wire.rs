@@ -4,7 +4,7 @@ use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use bson::{Document, RawDocumentBuf};
+use bson::{Document, RawDocumentBuf, doc};
 use libtest_mimic::Failed;
 
 /// A connection.
@@ -42,6 +42,16 @@ impl Wire {
         let _ = self.0.shutdown(std::net::Shutdown::Write);
         let _ = std::io::copy(&mut self.0, &mut std::io::sink());
     }
+}
+
+/// What the server says of itself.
+pub(super) fn status(wire: &mut Wire, part: &str) -> Result<Document, Failed> {
+    Ok(wire.run(&doc! { "serverStatus": 1, "$db": "admin" })?.get_document(part)?.clone())
+}
+
+/// How many clients are connected.
+pub(super) fn connected(wire: &mut Wire) -> Result<i64, Failed> {
+    Ok(status(wire, "connections")?.get_i64("current")?)
 }
 
 /// A command as OP_MSG.
