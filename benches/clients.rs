@@ -128,11 +128,11 @@ fn measure(uri: &str, work: Work, connections: usize, during: Duration) -> Resul
 /// How long changes take until another connection's change stream has them.
 fn changes(uri: &str, during: Duration) -> Result<Figures> {
     let things = collection(uri)?;
-    let (heard, hear) = mpsc::channel();
+    let (sender, received) = mpsc::channel();
     let stream = collection(uri)?.watch().run()?;
     std::thread::spawn(move || {
         for change in stream {
-            if change.is_err() || heard.send(Instant::now()).is_err() {
+            if change.is_err() || sender.send(Instant::now()).is_err() {
                 break;
             }
         }
@@ -141,7 +141,7 @@ fn changes(uri: &str, during: Duration) -> Result<Figures> {
     while since.elapsed() < during {
         let begun = Instant::now();
         things.insert_one(thing(0)).run()?;
-        times.push(hear.recv_timeout(Duration::from_secs(30))?.saturating_duration_since(begun));
+        times.push(received.recv_timeout(Duration::from_secs(30))?.saturating_duration_since(begun));
         // A change that comes alone, as those of a robot do.
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -183,6 +183,6 @@ fn main() -> Result<()> {
         }
     }
     let all: Vec<Figures> = uris.iter().map(|uri| changes(uri, during)).collect::<Result<_>>()?;
-    row(1, "change heard", &all, all.last().map_or(f64::NAN, |last| last.at(0.5)) / all[0].at(0.5));
+    row(1, "change stream", &all, all.last().map_or(f64::NAN, |last| last.at(0.5)) / all[0].at(0.5));
     Ok(())
 }

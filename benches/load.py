@@ -4,10 +4,10 @@
     load.py [--clients N] [--minutes M] [--pid PID] URI
 
 N processes (default: 64) insert, update, find, read cursors, delete and move amounts between accounts in transactions,
-for M minutes (default: 10), beside a change stream that hears all inserts. At the end it is verified that every
-acknowledged insert and update is there and no deleted document, that the amounts add up, and that the stream has heard of
-every insert once. Prints all kinds of errors, the median and the 99th percentile of each kind of work, and the server's
-resident memory over time (of the process PID; default: what serverStatus says, where that is on this machine).
+for M minutes (default: 10), beside a change stream that receives all inserts. At the end it is verified that every
+acknowledged insert and update is there and no deleted document, that the amounts add up, and that the stream
+has received every insert once. Prints all kinds of errors, the median and the 99th percentile of each kind of work, and
+the server's resident memory over time (of the process PID; default: what serverStatus says, where that is on this machine).
 Exits with 1 where something is wrong. Needs pymongo and a server with transactions: `rmem serve` or a replica set.
 """
 
@@ -114,20 +114,20 @@ def work(uri, seed, barrier, seconds, results):
 
 
 def watch(uri, barrier, ended, results):
-    """Collects what a change stream hears, until nothing comes after the end."""
-    heard, errors = collections.Counter(), collections.Counter()
+    """Collects what a change stream receives, until nothing comes after the end."""
+    received, errors = collections.Counter(), collections.Counter()
     try:
         with client(uri)[DATABASE].things.watch([{"$match": {"operationType": "insert"}}]) as stream:
             barrier.wait()
             while True:
                 over, event = ended.is_set(), stream.try_next()
                 if event is not None:
-                    heard[event["documentKey"]["_id"]] += 1
+                    received[event["documentKey"]["_id"]] += 1
                 elif over:
                     break
     except PyMongoError as error:
         errors[f"stream: {type(error).__name__}: {str(error)[:160]}"] += 1
-    results.put((heard, errors))
+    results.put((received, errors))
 
 
 def resident(pid):
@@ -144,7 +144,7 @@ def measure(pid, ended, found):
         found.append(resident(pid))
 
 
-def verify(uri, reports, heard):
+def verify(uri, reports, received):
     """Returns what is wrong with what is stored."""
     database, wrong = client(uri)[DATABASE], []
     stored = {found["_id"] for found in database.things.find({}, {"_id": 1})}
@@ -163,10 +163,10 @@ def verify(uri, reports, heard):
     moves = sum(report[4] for report in reports)
     if total != ACCOUNTS * AMOUNT or taken != moves:
         wrong.append(f"the accounts hold {total} of {ACCOUNTS * AMOUNT} after {taken} moves; {moves} were acknowledged")
-    if missed := inserted - set(heard):
+    if missed := inserted - set(received):
         wrong.append(f"the change stream missed {len(missed)} inserts, like {sorted(missed)[0]}")
-    if twice := [name for name, count in heard.items() if count > 1]:
-        wrong.append(f"the change stream heard {len(twice)} inserts again, like {twice[0]}")
+    if twice := [name for name, count in received.items() if count > 1]:
+        wrong.append(f"the change stream received {len(twice)} inserts again, like {twice[0]}")
     return wrong
 
 
@@ -205,7 +205,7 @@ def main():
     except queue.Empty:
         print(f"{given.clients - len(reports)} clients have not ended; is a command unanswered?")
     ended.set()
-    heard, errors = streamed.get(timeout=300)
+    received, errors = streamed.get(timeout=300)
     meter.join()
     for process in [watcher, *workers]:
         process.join(timeout=10)
@@ -224,8 +224,8 @@ def main():
         print(f"resident memory of {pid}, in MiB: {' '.join(map(str, parts))}; at most {max(shown)}")
     for error, count in errors.most_common():
         print(f"error, {count} times: {error}")
-    wrong = verify(given.uri, reports, heard)
-    print("\n".join(wrong) or f"nothing is lost; the change stream heard {len(heard)} inserts")
+    wrong = verify(given.uri, reports, received)
+    print("\n".join(wrong) or f"nothing is lost; the change stream received {len(received)} inserts")
     sys.exit(1 if wrong or errors or len(reports) < given.clients else 0)
 
 

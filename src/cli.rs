@@ -53,7 +53,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -
     let mut plain = with_formats(named(&args));
     let (command, matches) = match plain.try_get_matches_from_mut(&args) {
         Ok(matches) => (plain, matches),
-        Err(_) => told(args, database)?,
+        Err(_) => parse_with_help(&args, database)?,
     };
     let (name, formats) = called(&command, &matches);
     check_format(&name, &formats, &matches)?;
@@ -68,12 +68,12 @@ fn named(args: &[OsString]) -> clap::Command {
     command.subcommand_required(true).arg_required_else_help(true)
 }
 
-/// Parses a command line that is wrong or asks for help, to say so.
-fn told(args: Vec<OsString>, database: impl FnOnce() -> String) -> Result<(clap::Command, ArgMatches), Error> {
+/// Parses a command line that is wrong or asks for help, with all that its message or help needs.
+fn parse_with_help(args: &[OsString], database: impl FnOnce() -> String) -> Result<(clap::Command, ArgMatches), Error> {
     let mut command = command();
     match command.try_get_matches_from_mut(args) {
         Ok(matches) => Ok((command, matches)),
-        Err(error) if error.use_stderr() => Err(tips::with_tip(error, &database())),
+        Err(error) if error.use_stderr() => Err(tips::with_tip(error, args, &database())),
         Err(error) => Err(error),
     }
 }

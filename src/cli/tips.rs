@@ -1,5 +1,7 @@
 //! Commands that a word of another tool stands for.
 
+use std::ffi::OsString;
+
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
@@ -48,8 +50,9 @@ const FEATURES: [(&str, &str); 3] = [("serve", "serve"), ("view", "views"), ("ex
 /// The tip for `use DATABASE` in one word.
 const TIP_OF_USE: &str = "a collection is named with its database, as in 'rmem query robmem.worldmodel'";
 
-/// Adds a tip to the error for an unknown command, or for a line of mongosh, where `db` is `database`.
-pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
+/// Adds a tip to the error of the command line `args`: for an unknown command, or for a line of mongosh, where `db` is
+/// `database`.
+pub(super) fn with_tip(mut error: Error, args: &[OsString], database: &str) -> Error {
     let (kind, value) = match error.kind() {
         ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
         ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
@@ -69,7 +72,7 @@ pub(super) fn with_tip(mut error: Error, database: &str) -> Error {
     let tip = tip.or_else(|| mongosh::advice(word, database));
     let tip = tip.or_else(|| lower.starts_with("use ").then(|| TIP_OF_USE.to_owned()));
     let method = || is_command.then(|| mongosh::advice_on_method(word, database)).flatten();
-    let files = || is_command.then(|| of_domain(word, &error)).flatten();
+    let files = || is_command.then(|| of_domain(word, args, &error)).flatten();
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     let known = || known().map(|(_, tip)| (*tip).to_owned());
     let number = std::error::Error::source(&error).is_some_and(|source| source.is::<std::num::ParseIntError>());
@@ -176,13 +179,13 @@ fn is_of_task(file: &str) -> bool {
 }
 
 /// The tip for the files of a task behind `plan`, as planners take them.
-fn of_domain(file: &str, error: &Error) -> Option<String> {
+fn of_domain(file: &str, args: &[OsString], error: &Error) -> Option<String> {
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
     let is_file = is_of_task(file);
     let file = word(file);
     // The usage names `--domain` whether or not it is there.
     let is_domain = |word: &str| word.starts_with("--domain") || (word.starts_with("-d") && !word.starts_with("--"));
-    let has_domain = std::env::args_os().any(|word| word.to_str().is_some_and(is_domain));
+    let has_domain = args.iter().any(|word| word.to_str().is_some_and(is_domain));
     (is_file && usage.contains("rmem plan")).then(|| match has_domain {
         true if file.contains(".pddl") && !file.contains(".pddl.") => format!("write: --problem {file}"),
         true => format!("write: --template {file}"),

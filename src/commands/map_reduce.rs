@@ -18,7 +18,7 @@ use crate::store::{Find, Namespace};
 )]
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
 pub struct MapReduceArgs {
-    /// Collection as DATABASE.COLLECTION
+    /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
     /// Function that sees a document as `this` and calls emit(key, value), or @FILE

@@ -49,8 +49,8 @@ missed changes reports it. --names lists the names and what waits for each, --fo
 positions are in the collection rmem.watchers of the watched database.
 
 --when prints an event when the number of documents that match the query begins to meet a condition (>, >=, <, <=, ==, \
-!=), also at the start: {operation: 'count', ns, count, when, time}. The documents are counted when the collection \
-has changed, after changes in quick succession once.
+!=), also at the start: {operation: 'count', ns, count, when, time}. Documents are counted after each change; changes \
+in quick succession are counted once.
 
 --exec runs CMD with sh -c for each change, one at a time, with the line on stdin and RMEM_OPERATION, RMEM_NAMESPACE \
 and RMEM_POSITION in the environment. If CMD fails, rmem reports it and continues; with --resume it exits with the \
@@ -146,7 +146,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         crate::scene::reported::forget(&memory, namespace, name)?;
         return Ok(if is_known { Exit::Done } else { Exit::No });
     }
-    let timeout = crate::interrupt::InterruptGuard::new();
+    let guard = crate::interrupt::InterruptGuard::new();
     let counting =
         args.when.map(|condition| Counting { condition, memory: &memory, filter: &filter, changed: None, held: false });
     let watch = memory.watch(trigger).map_err(|error| blame(error, &[("<query>", &args.query)]))?;
@@ -165,7 +165,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         namespace,
         delivery,
         watch,
-        stop: timeout.interrupted(),
+        stop: guard.interrupted(),
         delivered: 0,
         behind: false,
         kept: None,

@@ -1,7 +1,7 @@
 //! Text and types: one module per external text format, each with its grammar in `grammars/`.
 //!
-//! A module turns text into plain types and back, and decides nothing. It knows
-//! no other module of rmem; pest's `Rule` and `Pair` never leave it. What all of
+//! A module turns text into plain types and back, and decides nothing. It uses no other module of rmem but the calendar
+//! and [`crate::fault`]; pest's `Rule` and `Pair` never leave it. What all of
 //! them share is [`Source`], a text with a name, and [`Diagnostic`], a
 //! complaint about a place in such a text.
 

@@ -8,10 +8,10 @@ use std::collections::HashSet;
 
 use bson::{DateTime, Document};
 
+use super::Memory;
 use super::clock::Clock;
 use super::computables;
 use super::route::{Lazy, Routes};
-use super::{Memory, journal::Journal};
 use crate::calendar::day_and_time;
 use crate::query::{Collation, QueryError};
 use crate::store::{
@@ -37,12 +37,6 @@ impl Memory {
         let past = Past { source: routes, at, copy: Embedded::in_memory()?, filled: RefCell::default() };
         let routes = Routes::new(Lazy::open(Box::new(past)), None, Vec::new());
         Ok(Self { routes, clock: Clock::Stopped(at), journal, computables })
-    }
-
-    /// The same memory without reports of its operations.
-    #[must_use]
-    pub fn without_observer(self) -> Self {
-        Self { journal: Journal::default(), ..self }
     }
 }
 

@@ -63,20 +63,20 @@ impl Progress {
 
     /// Says what is being done now.
     pub fn say(&self, text: &str) {
-        Teller(Arc::clone(&self.text)).say(text);
+        Reporter(Arc::clone(&self.text)).say(text);
     }
 
-    /// Returns what says from another thread what is being done; nothing where nothing is shown.
+    /// Returns what reports from another thread what is being done; nothing where nothing is shown.
     #[must_use]
-    pub fn teller(&self) -> Option<Teller> {
-        self.shown.is_some().then(|| Teller(Arc::clone(&self.text)))
+    pub fn reporter(&self) -> Option<Reporter> {
+        self.shown.is_some().then(|| Reporter(Arc::clone(&self.text)))
     }
 }
 
-/// Says what is being done.
-pub struct Teller(Arc<Mutex<String>>);
+/// Reports what is being done.
+pub struct Reporter(Arc<Mutex<String>>);
 
-impl Teller {
+impl Reporter {
     /// Says what is being done now.
     pub fn say(&self, text: &str) {
         text.clone_into(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));

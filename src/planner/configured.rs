@@ -63,7 +63,7 @@ impl Planner for Configured {
     }
 
     fn read(&self, output: &Output) -> Transcript {
-        let told = match self.output {
+        let transcript = match self.output {
             Dialect::Auto => auto::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Downward => downward::read(&output.plans, output.code, &output.stdout, &output.stderr),
             Dialect::Temporal => temporal::read(&output.plans, &output.stdout, &output.stderr),
@@ -75,9 +75,9 @@ impl Planner for Configured {
             }
         };
         // A plan file that was there when a limit ended the program may lack its last line; simulation shows whether it is whole.
-        match told.verdict {
-            Verdict::Unclear if output.code.is_none() => auto::filed(&output.plans).unwrap_or(told),
-            _ => told,
+        match transcript.verdict {
+            Verdict::Unclear if output.code.is_none() => auto::filed(&output.plans).unwrap_or(transcript),
+            _ => transcript,
         }
     }
 

@@ -66,7 +66,7 @@ pub struct Portfolio<'a> {
 }
 
 impl<'a> Portfolio<'a> {
-    /// Lines planners up. It takes some milliseconds, in which the task may still be made.
+    /// Starts the planners' programs, which wait for their task; meanwhile the problem may still be generated.
     #[must_use]
     pub fn new(planners: &'a [Box<dyn Planner>], limits: &Limits, host: &Host<'_>) -> Self {
         let planners = planners.iter().map(|planner| PreparedPlanner::new(planner.as_ref(), limits, host));
@@ -148,7 +148,7 @@ impl<'a> Portfolio<'a> {
         let winner = first
             .filter(|place| *place < runs.len() && !is_refuted(place))
             .or_else(|| best(&runs, task))
-            .or_else(|| most_telling(&runs))?;
+            .or_else(|| most_informative(&runs))?;
         Some(Race { runs, winner, is_interrupted })
     }
 }
@@ -184,7 +184,7 @@ fn badness(plan: &Plan, task: &Task<'_>) -> f64 {
 
 /// The planner whose outcome is most informative where none won: a limit that can be raised before a planner that gave up by
 /// itself, and what a planner did before what kept it from doing anything. Of equals, the first named.
-fn most_telling(runs: &[Run]) -> Option<usize> {
+fn most_informative(runs: &[Run]) -> Option<usize> {
     let rank = |outcome: &Outcome| match outcome {
         Outcome::Plan(_) | Outcome::Unsolvable => 0,
         Outcome::Interrupted => 1,

@@ -1,6 +1,6 @@
 //! How a template asks the memory.
 //!
-//! The engine's functions must be free of borrows and thread-safe, a memory is
+//! minijinja's functions must be free of borrows and thread-safe, a memory is
 //! neither. So the template is rendered in a thread of its own that sends each
 //! question to the thread that has the memory, and waits for the answer.
 

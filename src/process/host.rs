@@ -11,7 +11,8 @@ use std::time::Duration;
 /// How many bytes of what a program printed its listener gets.
 const TAIL: u64 = 4096;
 
-/// What runs need from the calling process. The library reads no environment.
+/// What runs need from the calling process. The library reads no environment; only the supervisor, a process of its
+/// own, reads its `PATH`, to explain why a program did not start.
 #[derive(Debug, Clone)]
 pub struct Host<'a> {
     /// The rmem executable: it starts itself again as `__supervisor` and as `ff`.

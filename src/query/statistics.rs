@@ -8,8 +8,7 @@ use super::number::Number;
 /// A running sum: pure integers exactly, everything with a rest beside the sum of doubles, decimals apart.
 ///
 /// The last digit is MongoDB's: each number takes the rest along before it is added (Boldo, Graillat and Muller, "On
-/// the
-/// robustness of the 2Sum and Fast2Sum algorithms", 2016).
+/// the robustness of the 2Sum and Fast2Sum algorithms", 2016).
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sum {
     integers: i128,

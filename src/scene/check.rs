@@ -1,7 +1,5 @@
 //! Objects that overlap, or are closer than they should be.
 
-use std::collections::HashSet;
-
 use super::distance::{Body, distance};
 use crate::formats::scene::{Object, Scene};
 
@@ -85,12 +83,6 @@ fn may_touch(first: &Object, second: &Object) -> bool {
         one.attachment.as_ref().is_some_and(|held| held.link == other.name || held.touch.contains(&other.name))
     };
     allows(first, second) || allows(second, first)
-}
-
-/// The names of all objects in the pairs.
-#[must_use]
-pub fn involved<'a>(pairs: &[Proximity<'a>]) -> HashSet<&'a str> {
-    pairs.iter().flat_map(|pair| [pair.first, pair.second]).collect()
 }
 
 #[cfg(test)]

@@ -20,13 +20,13 @@ use super::session::Once;
 use super::stream::Stream;
 use super::wire::{self, Form, Message, Reply, WireError};
 
-/// Speaks with a client until it has enough, or something breaks.
+/// Serves a client until it disconnects or an error ends the connection.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     let memory = Lazy::of_connection(server);
     let Ok(host) = Host::new(server, &memory, false) else { return server.leave(client.id) };
     let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
     // A connection that broke is over; no client reads the error.
-    let _ = connection.speak();
+    let _ = connection.run();
     let Connection { client, host, reader } = connection;
     drop(reader);
     server.leave(client.id);
@@ -41,8 +41,8 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
 /// Other connections of the client may still read the cursors of this one.
 fn linger(mut host: Host<'_>) {
     while host.has_cursors() && !host.server.is_stopping() {
-        if let Some(letter) = host.inbox.receive(TICK.min(Duration::from_secs(1))) {
-            host.handle(letter);
+        if let Some(message) = host.inbox.receive(TICK.min(Duration::from_secs(1))) {
+            host.handle(message);
         }
         host.expire();
     }
@@ -58,7 +58,7 @@ struct Connection<'m> {
 type GoesOn = bool;
 
 impl Connection<'_> {
-    fn speak(&mut self) -> Result<(), WireError> {
+    fn run(&mut self) -> Result<(), WireError> {
         while self.wait()? {
             self.client.is_busy.store(true, Ordering::SeqCst);
             let bytes = wire::read(&mut self.reader)?;
@@ -91,7 +91,7 @@ impl Connection<'_> {
         Ok(self.reader.get_mut().flush()?)
     }
 
-    /// Waits for a message; for letters, too, where there are cursors that others may read.
+    /// Waits for a message of the client; for those of other threads, too, where there are cursors that they may read.
     fn wait(&mut self) -> Result<GoesOn, WireError> {
         loop {
             if self.host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
@@ -111,27 +111,27 @@ impl Connection<'_> {
         }
     }
 
-    /// Answers letters until the client says something.
+    /// Answers messages of other threads until the client sends something.
     fn listen(&mut self) -> Result<(), WireError> {
         let limit = Timespec::try_from(TICK).ok();
         loop {
-            let (mut received, mut rung) = (false, false);
+            let (mut received, mut woken) = (false, false);
             {
                 let stream = PollFd::from_borrowed_fd(self.reader.get_ref().descriptor(), PollFlags::IN);
-                let bell = PollFd::new(self.host.inbox.bell(), PollFlags::IN);
-                let mut both = [stream, bell];
+                let wakeup = PollFd::new(self.host.inbox.wakeup(), PollFlags::IN);
+                let mut both = [stream, wakeup];
                 match poll(&mut both, limit.as_ref()) {
                     Ok(_) => {
                         let mut has_come = both.iter().map(|one| !one.revents().is_empty());
                         received = has_come.next().unwrap_or(true);
-                        rung = has_come.next().unwrap_or(false);
+                        woken = has_come.next().unwrap_or(false);
                     }
                     Err(rustix::io::Errno::INTR) => {}
                     Err(error) => return Err(WireError::Broken(error.into())),
                 }
             }
-            if rung {
-                self.host.handle_letters();
+            if woken {
+                self.host.handle_messages();
             }
             self.host.expire();
             if received || !self.host.has_cursors() {

@@ -11,7 +11,7 @@ use bson::{RawArrayBuf, RawDocumentBuf};
 use super::changes::Stream;
 use super::ended::Ended;
 use super::failure::{Failure, codes};
-use super::mailbox::{Letter, Mailbox};
+use super::mailbox::{Mailbox, ThreadMessage};
 use super::origin::Origin;
 use crate::query::{QueryError, Spill, Spool};
 use crate::store::{Documents, MAX_SIZE, Namespace, StoreError};
@@ -173,7 +173,7 @@ impl Cursors {
             (cursors.open.remove(&id), cursors.ended.remove(|ended, _| ended == id))
         };
         if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
-            mailbox.send(Letter::Kill(id));
+            mailbox.send(ThreadMessage::Kill(id));
         }
         removed.is_some() || has_ended
     }

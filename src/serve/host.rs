@@ -10,7 +10,7 @@ use bson::RawDocumentBuf;
 use super::cursor::{self, Open, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
 use super::job::{Job, Work};
-use super::mailbox::{Inbox, Letter, More, Question, Reply};
+use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
 use super::server::Server;
 use super::session::Once;
@@ -100,31 +100,31 @@ impl<'m> Host<'m> {
         self.wait(question)
     }
 
-    /// Waits for the answer to a question, answering letters meanwhile.
+    /// Waits for the answer to a question, answering messages meanwhile.
     pub(super) fn wait(&mut self, question: Question) -> Answer {
         loop {
             match self.server.turns.paused(|| self.inbox.receive(TICK)) {
-                Some(Letter::Answer(number, answer)) if question.is(number) => return answer,
-                Some(letter) => self.handle(letter),
+                Some(ThreadMessage::Answer(number, answer)) if question.is(number) => return answer,
+                Some(message) => self.handle(message),
                 None => self.expire(),
             }
         }
     }
 
-    /// Answers letters that are there.
-    pub(super) fn handle_letters(&mut self) {
-        self.inbox.silence();
-        while let Some(letter) = self.inbox.take() {
-            self.handle(letter);
+    /// Answers messages that are there.
+    pub(super) fn handle_messages(&mut self) {
+        self.inbox.clear_wakeup();
+        while let Some(message) = self.inbox.take() {
+            self.handle(message);
         }
     }
 
-    pub(super) fn handle(&mut self, letter: Letter) {
-        match letter {
+    pub(super) fn handle(&mut self, message: ThreadMessage) {
+        match message {
             // Answers that are not awaited any more.
-            Letter::Answer(..) => {}
-            Letter::Kill(cursor) => drop(self.cursors.remove(&cursor)),
-            Letter::More(more) => {
+            ThreadMessage::Answer(..) => {}
+            ThreadMessage::Kill(cursor) => drop(self.cursors.remove(&cursor)),
+            ThreadMessage::More(more) => {
                 let answer = self.own(more.cursor, more.batch);
                 more.to.answer(answer.unwrap_or_else(|| Err(cursor::not_found(more.cursor))));
             }
@@ -161,7 +161,7 @@ impl<'m> Host<'m> {
             return Err(cursor::not_found(cursor));
         }
         let (question, to) = self.inbox.question(cursor::not_found(cursor));
-        if !mailbox.send(Letter::More(More { cursor, batch, to })) {
+        if !mailbox.send(ThreadMessage::More(More { cursor, batch, to })) {
             self.server.cursors.forget(cursor);
         }
         self.wait(question)
@@ -205,12 +205,12 @@ impl<'m> Host<'m> {
         self.cursors.keys().copied().collect()
     }
 
-    /// Waits for changes that others make, answering letters meanwhile.
+    /// Waits for changes that others make, answering messages meanwhile.
     pub(super) fn wait_for_changes(&mut self, calls: u64, until: Instant) {
         let slice = if self.has_cursors() { Duration::from_millis(5) } else { Duration::from_secs(1) };
         let left = until.saturating_duration_since(Instant::now());
         self.server.turns.paused(|| self.server.hub.wait(calls, left.min(slice)));
-        self.handle_letters();
+        self.handle_messages();
     }
 }
 

@@ -1,4 +1,4 @@
-//! What the writer is given to do, and the queue that it is given it by.
+//! The jobs of the writer, and the queue that they come through.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};

@@ -1,9 +1,8 @@
-//! Letters between the threads of the server.
+//! Messages between the threads of the server.
 //!
-//! A cursor is read by the thread that opened it; others write to that thread where their client asks
-//! for more. While a thread waits for an answer, it answers letters itself, so that no two
-//! wait for each other. A question that is not answered, since its reader has ended or panicked, answers itself
-//! when it is dropped.
+//! A cursor is read by the thread that opened it; other threads send that thread a message where their client asks for
+//! more. While a thread waits for an answer, it answers messages itself, so that no two wait for each other. A question
+//! that is not answered, since its receiver has ended or panicked, gets its answer when the [`Reply`] is dropped.
 
 use std::cell::Cell;
 use std::io::{Read as _, Write as _};
@@ -15,8 +14,8 @@ use std::time::Duration;
 use super::failure::{Answer, Failure};
 use super::panic;
 
-/// What threads write to each other.
-pub(super) enum Letter {
+/// What threads send to each other.
+pub(super) enum ThreadMessage {
     /// What was asked for, answered: the number of the question, and the answer.
     Answer(u64, Answer),
     /// The next documents of a cursor are wanted.
@@ -32,19 +31,20 @@ pub(super) struct More {
     pub(super) to: Reply,
 }
 
-/// Where letters to a thread go.
+/// The sender of messages to a thread.
 #[derive(Debug, Clone)]
 pub(super) struct Mailbox {
-    letters: Sender<Letter>,
-    bell: Arc<UnixStream>,
+    messages: Sender<ThreadMessage>,
+    /// The end of the wakeup pipe that is written to.
+    wakeup: Arc<UnixStream>,
 }
 
 impl Mailbox {
-    /// Sends a letter to a thread that may be waiting for its client; says whether it is still there.
-    pub(super) fn send(&self, letter: Letter) -> bool {
-        let is_there = self.letters.send(letter).is_ok();
-        // A bell that is full rings already.
-        let _ = (&*self.bell).write(&[1]);
+    /// Sends a message to a thread that may be waiting for its client; says whether it is still there.
+    pub(super) fn send(&self, message: ThreadMessage) -> bool {
+        let is_there = self.messages.send(message).is_ok();
+        // A pipe that is full is readable already.
+        let _ = (&*self.wakeup).write(&[1]);
         is_there
     }
 }
@@ -52,7 +52,7 @@ impl Mailbox {
 /// Where the answer to one question goes.
 #[derive(Debug)]
 pub(super) struct Reply {
-    to: Sender<Letter>,
+    to: Sender<ThreadMessage>,
     number: u64,
     /// What is answered where nothing else is.
     otherwise: Option<Failure>,
@@ -67,7 +67,7 @@ impl Reply {
 
     fn send(&self, answer: Answer) {
         // The thread that waited may have ended.
-        let _ = self.to.send(Letter::Answer(self.number, answer));
+        let _ = self.to.send(ThreadMessage::Answer(self.number, answer));
     }
 }
 
@@ -89,10 +89,11 @@ impl Question {
     }
 }
 
-/// The letters of a thread.
+/// The receiver of a thread's messages.
 pub(super) struct Inbox {
-    letters: Receiver<Letter>,
-    bell: UnixStream,
+    messages: Receiver<ThreadMessage>,
+    /// The end of the wakeup pipe that is polled.
+    wakeup: UnixStream,
     mailbox: Mailbox,
     /// How many questions were asked.
     asked: Cell<u64>,
@@ -104,12 +105,12 @@ impl Inbox {
     /// # Errors
     /// Where the system has no more sockets to give.
     pub(super) fn new() -> std::io::Result<Self> {
-        let (sender, letters) = channel();
-        let (bell, button) = UnixStream::pair()?;
-        bell.set_nonblocking(true)?;
-        button.set_nonblocking(true)?;
-        let mailbox = Mailbox { letters: sender, bell: Arc::new(button) };
-        Ok(Self { letters, bell, mailbox, asked: Cell::new(0) })
+        let (sender, messages) = channel();
+        let (wakeup, writer) = UnixStream::pair()?;
+        wakeup.set_nonblocking(true)?;
+        writer.set_nonblocking(true)?;
+        let mailbox = Mailbox { messages: sender, wakeup: Arc::new(writer) };
+        Ok(Self { messages, wakeup, mailbox, asked: Cell::new(0) })
     }
 
     pub(super) fn mailbox(&self) -> Mailbox {
@@ -121,28 +122,28 @@ impl Inbox {
     pub(super) fn question(&self, otherwise: Failure) -> (Question, Reply) {
         let number = self.asked.get() + 1;
         self.asked.set(number);
-        (Question(number), Reply { to: self.mailbox.letters.clone(), number, otherwise: Some(otherwise) })
+        (Question(number), Reply { to: self.mailbox.messages.clone(), number, otherwise: Some(otherwise) })
     }
 
-    /// The next letter; none where the time is over first.
-    pub(super) fn receive(&self, limit: Duration) -> Option<Letter> {
-        self.letters.recv_timeout(limit).ok()
+    /// Returns the next message; `None` if none comes within `limit`.
+    pub(super) fn receive(&self, limit: Duration) -> Option<ThreadMessage> {
+        self.messages.recv_timeout(limit).ok()
     }
 
-    /// A letter that is there.
-    pub(super) fn take(&self) -> Option<Letter> {
-        self.letters.try_recv().ok()
+    /// Returns the next message; `None` if there is none yet.
+    pub(super) fn take(&self) -> Option<ThreadMessage> {
+        self.messages.try_recv().ok()
     }
 
-    /// What becomes readable when a letter comes.
-    pub(super) fn bell(&self) -> &UnixStream {
-        &self.bell
+    /// Returns what becomes readable when a message comes.
+    pub(super) fn wakeup(&self) -> &UnixStream {
+        &self.wakeup
     }
 
-    /// Stops the bell.
-    pub(super) fn silence(&self) {
-        let mut rings = [0; 64];
-        while (&self.bell).read(&mut rings).is_ok_and(|count| count > 0) {}
+    /// Empties the wakeup pipe.
+    pub(super) fn clear_wakeup(&self) {
+        let mut bytes = [0; 64];
+        while (&self.wakeup).read(&mut bytes).is_ok_and(|count| count > 0) {}
     }
 }
 
@@ -152,10 +153,10 @@ mod tests {
     use super::*;
 
     fn answer(inbox: &Inbox, question: Question) -> Option<i32> {
-        let letters = std::iter::from_fn(|| inbox.receive(Duration::from_secs(60)));
-        letters
-            .filter_map(|letter| match letter {
-                Letter::Answer(number, answer) if question.is(number) => {
+        let messages = std::iter::from_fn(|| inbox.receive(Duration::from_secs(60)));
+        messages
+            .filter_map(|message| match message {
+                ThreadMessage::Answer(number, answer) if question.is(number) => {
                     Some(answer.map_or_else(|error| error.code, |_| 0))
                 }
                 _ => None,
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_question_that_is_dropped_or_whose_reader_panics_is_answered() {
+    fn a_question_that_is_dropped_or_whose_receiver_panics_is_answered() {
         let inbox = Inbox::new().unwrap();
         let ask = || inbox.question(Failure::new(codes::NO_CURSOR, "gone"));
         let (first, reply) = ask();
@@ -184,7 +185,7 @@ mod tests {
         let other = Inbox::new().unwrap();
         let mailbox = other.mailbox();
         drop(other);
-        assert!(!mailbox.send(Letter::More(More { cursor: 1, batch: None, to: reply })));
+        assert!(!mailbox.send(ThreadMessage::More(More { cursor: 1, batch: None, to: reply })));
         assert_eq!(answer(&inbox, fourth), Some(codes::NO_CURSOR));
         assert_ne!(second, fourth);
     }

@@ -21,7 +21,6 @@ mod code;
 mod command;
 mod connection;
 mod cursor;
-mod desk;
 mod ended;
 mod failure;
 mod fields;
@@ -47,6 +46,7 @@ mod transaction;
 mod turns;
 mod wire;
 mod writer;
+mod writer_context;
 
 pub use address::{Address, AddressError};
 pub use auth::{Users, UsersError};

@@ -175,7 +175,7 @@ fn answer_all(
             }
             Ok(Ask::IsCurrent(reply)) => return Some(reply),
             Err(RecvTimeoutError::Timeout) if Instant::now() < until && !host.server.is_stopping() => {
-                host.handle_letters();
+                host.handle_messages();
                 host.expire();
             }
             Err(_) => return None,
@@ -189,8 +189,8 @@ fn give_cursors(host: &mut Host<'_>, asked: &Receiver<Ask>, until: Instant) {
         if matches!(asked.try_recv(), Err(TryRecvError::Disconnected)) {
             return;
         }
-        if let Some(letter) = host.inbox.receive(SLICE) {
-            host.handle(letter);
+        if let Some(message) = host.inbox.receive(SLICE) {
+            host.handle(message);
         }
     }
 }

@@ -85,8 +85,9 @@ impl Counters {
     }
 }
 
-/// How long changes of other processes are waited for without looking.
-const HEARING: Duration = Duration::from_secs(1);
+/// How often the file is looked at, whether or not a change of another process was reported.
+const NOTIFY_TIMEOUT: Duration = Duration::from_secs(1);
+
 impl Server {
     /// Returns a server of the memory that `open` opens, and what its writer is given to do.
     pub(super) fn new(open: Opener, options: Options) -> (Arc<Self>, Receiver<Job>) {
@@ -125,7 +126,7 @@ impl Server {
         self.ids.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// Hears of the changes that other processes make to a file.
+    /// Notifies waiting threads of the changes that other processes make to a file.
     ///
     /// # Errors
     /// Where the system has no more threads to give.
@@ -133,7 +134,7 @@ impl Server {
         let (server, notifier) = (Arc::clone(self), Notifier::new(file));
         let listen = move || {
             while !server.is_stopping() {
-                notifier.wait(HEARING);
+                notifier.wait(NOTIFY_TIMEOUT);
                 server.hub.call();
             }
         };

@@ -10,7 +10,7 @@ use super::failure::Failure;
 use super::mailbox::Reply;
 use super::session::{Once, SessionId, superseded};
 
-/// How long the writer waits to hear whether a snapshot is current.
+/// How long the writer waits for the answer whether a snapshot is current.
 const CHECK_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What a thread is asked.

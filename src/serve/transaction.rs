@@ -11,7 +11,6 @@ use bson::RawDocumentBuf;
 
 use super::call::Call;
 use super::command;
-use super::desk::Desk;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
@@ -20,6 +19,7 @@ use super::panic;
 use super::retry;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
 use super::snapshot::Snapshot;
+use super::writer_context::WriterContext;
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
 
@@ -34,25 +34,25 @@ fn records() -> Namespace {
 }
 
 /// Does a step where no transaction is open: the first of one, or one that comes too late.
-pub(super) fn run(desk: &mut Desk<'_>, step: Step) {
-    let last = desk.server.sessions.last(&step.once.session);
+pub(super) fn run(context: &mut WriterContext<'_>, step: Step) {
+    let last = context.server.sessions.last(&step.once.session);
     match step.action {
         Action::Run { starts: true, ns, call, snapshot } if last.is_none_or(|last| last.number < step.once.number) => {
             let first = First { call, snapshot, reply: step.reply };
-            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(desk, ns, first);
+            Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(context, ns, first);
         }
-        action => step.reply.answer(late(desk, &step.once, &action, last)),
+        action => step.reply.answer(late(context, &step.once, &action, last)),
     }
 }
 
 /// The answer to a step of a transaction that is not open.
-fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -> Answer {
+fn late(context: &WriterContext<'_>, once: &Once, action: &Action, last: Option<Finished>) -> Answer {
     let last = last.filter(|last| last.number >= once.number);
     let is_committed = match last {
         Some(last) if last.number > once.number => return Err(superseded(once, last.number)),
         Some(_) if matches!(action, Action::Run { starts: true, .. }) => return Err(started(once)),
         Some(last) => last.how == How::Committed,
-        None => retry::is_committed(desk.memory.get()?, &records(), once)?,
+        None => retry::is_committed(context.memory.get()?, &records(), once)?,
     };
     match (action, is_committed) {
         (Action::Commit, true) => host::empty(),
@@ -65,10 +65,10 @@ fn late(desk: &Desk<'_>, once: &Once, action: &Action, last: Option<Finished>) -
 
 /// Refuses transactions that have waited too long for another one that is open: whoever began both, one
 /// after the other, would wait for himself.
-fn refuse_overdue(desk: &mut Desk<'_>) {
+fn refuse_overdue(context: &mut WriterContext<'_>) {
     let has_waited = |job: &mut Job| matches!(job, Job::Step(step) if step.since.elapsed() >= BEGIN_TIMEOUT);
-    while let Some(index) = desk.waiting.iter_mut().position(has_waited) {
-        if let Some(Job::Step(step)) = desk.waiting.remove(index) {
+    while let Some(index) = context.waiting.iter_mut().position(has_waited) {
+        if let Some(Job::Step(step)) = context.waiting.remove(index) {
             let message = "another transaction is open, and one is at a time; try again";
             step.reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
         }
@@ -102,14 +102,14 @@ enum End {
 
 impl Open {
     /// Runs the transaction from its first command to its end.
-    fn live(self, desk: &mut Desk<'_>, ns: Namespace, first: First) {
-        desk.server.sessions.set_open(Some(self.once.clone()));
-        let memory = desk.memory.get();
+    fn live(self, context: &mut WriterContext<'_>, ns: Namespace, first: First) {
+        context.server.sessions.set_open(Some(self.once.clone()));
+        let memory = context.memory.get();
         let (mut first, mut end) = (Some(first), None);
         let kept = memory.and_then(|memory| {
             let work = &mut || {
                 let Some(first) = first.take() else { return Ok(()) };
-                let ended = self.steps(desk, memory, &ns, first);
+                let ended = self.steps(context, memory, &ns, first);
                 let is_kept = matches!(ended, End::Commit(_));
                 end = Some(ended);
                 if is_kept { self.note(memory) } else { Err(undone(memory)) }
@@ -123,20 +123,20 @@ impl Open {
         };
         let failure = kept.err();
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
-        desk.server.sessions.finish(&self.once.session, finished);
-        desk.server.sessions.set_open(None);
+        context.server.sessions.finish(&self.once.session, finished);
+        context.server.sessions.set_open(None);
         match end {
             Some(End::Commit(reply)) => reply.answer(failure.clone().map_or_else(host::empty, Err)),
             Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
             Some(End::Abort(None) | End::Conflict) => {}
-            Some(End::Superseded(job)) => desk.waiting.push_front(job),
+            Some(End::Superseded(job)) => context.waiting.push_front(job),
             None => {}
         }
         if let Some(First { reply, .. }) = first {
             // It could not even begin.
             reply.answer(Err(failure.unwrap_or_else(|| none(&self.once))));
         }
-        desk.server.hub.call();
+        context.server.hub.call();
     }
 
     /// Notes, in the transaction, that it was committed.
@@ -145,14 +145,14 @@ impl Open {
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
-    fn steps(&self, desk: &mut Desk<'_>, memory: &Memory, ns: &Namespace, first: First) -> End {
+    fn steps(&self, context: &mut WriterContext<'_>, memory: &Memory, ns: &Namespace, first: First) -> End {
         let First { call, snapshot, reply } = first;
         if snapshot.is_some_and(|snapshot| !snapshot.end()) {
             let message = "something was written since the transaction began to read; begin it again";
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let mut host = match Host::new(desk.server, desk.memory, true) {
+        let mut host = match Host::new(context.server, context.memory, true) {
             Ok(host) => host,
             Err(failure) => {
                 reply.answer(Err(failure));
@@ -164,11 +164,11 @@ impl Open {
             if failed {
                 break End::Abort(None);
             }
-            refuse_overdue(desk);
+            refuse_overdue(context);
             let left = self.until.saturating_duration_since(Instant::now());
-            match desk.arriving(left.min(SLICE)) {
+            match context.arriving(left.min(SLICE)) {
                 None if left.is_zero() => break End::Abort(None),
-                None => host.handle_letters(),
+                None => host.handle_messages(),
                 Some(Job::Step(step)) if step.once == self.once => match step.action {
                     Action::Commit => break End::Commit(step.reply),
                     Action::Abort => break End::Abort(Some(step.reply)),
@@ -181,19 +181,19 @@ impl Open {
                 },
                 Some(Job::Abandon(abandoned)) if abandoned.includes(&self.once) => break End::Abort(None),
                 Some(Job::Step(step)) if self.is_late(&step) => {
-                    let last = desk.server.sessions.last(&step.once.session);
+                    let last = context.server.sessions.last(&step.once.session);
                     let is_older = step.once.session == self.once.session && step.once.number < self.once.number;
                     step.reply.answer(match is_older {
                         true => Err(superseded(&step.once, self.once.number)),
-                        false => late(desk, &step.once, &step.action, last),
+                        false => late(context, &step.once, &step.action, last),
                     });
                 }
                 Some(job) if self.is_superseded(&job) => break End::Superseded(job),
                 Some(Job::Stop) => {
-                    desk.waiting.push_back(Job::Stop);
+                    context.waiting.push_back(Job::Stop);
                     break End::Abort(None);
                 }
-                Some(job) => desk.waiting.push_back(job),
+                Some(job) => context.waiting.push_back(job),
             }
         };
         host.end_all();

@@ -10,7 +10,6 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::attempt::attempt;
-use super::desk::Desk;
 use super::failure::{Answer, Failure, codes};
 use super::host::Lazy;
 use super::job::{Job, Work};
@@ -20,6 +19,7 @@ use super::retry;
 use super::server::Server;
 use super::session::{Finished, Once};
 use super::transaction;
+use super::writer_context::WriterContext;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
@@ -38,15 +38,15 @@ pub(super) fn run(server: &Arc<Server>, jobs: &Receiver<Job>) {
     loop {
         // After a mistake of rmem's own it is another one: the transaction of that may be open still.
         let memory = Lazy::new(server);
-        let mut desk = Desk { server, jobs, waiting: &mut waiting, memory: &memory };
-        if panic::passed(|| desk.work()) {
+        let mut context = WriterContext { server, jobs, waiting: &mut waiting, memory: &memory };
+        if panic::passed(|| context.work()) {
             return;
         }
         server.sessions.set_open(None);
     }
 }
 
-impl Desk<'_> {
+impl WriterContext<'_> {
     fn work(&mut self) {
         let mut beat = Instant::now();
         loop {

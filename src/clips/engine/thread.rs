@@ -71,7 +71,7 @@ enum Received {
     Over,
 }
 
-/// Hands on what is message, if it is message soon.
+/// Passes on the next message, if one comes within [`SLICE`].
 fn next(receiver: &Receiver<Message>, receive: &mut dyn FnMut(Message) -> Result<()>) -> Result<Received> {
     let message = match receiver.try_recv() {
         Err(TryRecvError::Empty) => {

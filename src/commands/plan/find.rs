@@ -74,11 +74,11 @@ fn planning(request: &PlanRequest) -> String {
 
 /// Shows the progress of planners; none where nothing is shown.
 fn listener(text: String, progress: &Progress) -> Listener {
-    match progress.teller() {
+    match progress.reporter() {
         None => Listener::default(),
-        Some(teller) => Listener::new(move |printed| {
+        Some(reporter) => Listener::new(move |printed| {
             if let Some(words) = planner::progress(printed) {
-                teller.say(&format!("{text}, {words}"));
+                reporter.say(&format!("{text}, {words}"));
             }
         }),
     }

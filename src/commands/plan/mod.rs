@@ -35,7 +35,7 @@ Examples:
 With --watch, rmem prints a plan and stays. \
 When a collection changes that the template queries, or that pipelines of its computables read, or a step of the plan is marked as done or failed, the remaining steps are simulated from the memory as it is then. \
 A plan that holds is kept; any other is replaced by a new one, stored and printed. \
-While a step is marked as begun (plan step ID N --started), the plan is not checked: the world is in between two states. \
+A step that is marked as started (plan step ID N --started) counts as begun: the check asks only for what it needs after its start. \
 An interruption ends the watch.";
 
 /// The arguments of `plan`: those of a search, or a command about stored plans.

@@ -3,7 +3,7 @@
 use pest::iterators::Pair;
 
 use super::Dialect;
-use super::ast::{Action, Derived, Domain, DurativeAction, Metric, Place, Problem, Typed};
+use super::ast::{Action, Condition, Derived, Domain, DurativeAction, Effect, Metric, Place, Problem, Typed};
 use super::grammar::{Rule, parse};
 use super::outline::{Flaw, Outline, outline};
 use super::syntax::{explain, keyword, of_section};
@@ -229,7 +229,7 @@ impl<'a> Reader<'a> {
         self.section(section, Rule::name_list, |walk, pair| walk.typed(parts(pair).next()?))
     }
 
-    pub(super) fn condition(&mut self, section: Span, rule: Rule) -> Result<super::ast::Condition, Diagnostic> {
+    pub(super) fn condition(&mut self, section: Span, rule: Rule) -> Result<Condition, Diagnostic> {
         self.section(section, rule, |walk, pair| walk.condition(parts(pair).next()?))
     }
 }
@@ -247,72 +247,48 @@ fn metric(walk: &mut Walk<'_>, pair: Pair<'_, Rule>) -> Option<Metric> {
     Some(Metric { minimize, expression: walk.expression(parts.next()?)?, place })
 }
 
-/// Keeps what a field of an action holds, which may be there only once.
-fn once<T>(walk: &mut Walk<'_>, field: &mut Option<T>, value: T, span: Span) -> Option<()> {
-    if field.is_some() {
-        return walk.fail(span, "this is there twice");
+/// The fields of an action of either kind; each may be there only once.
+#[derive(Default)]
+struct Fields {
+    parameters: Option<Vec<Typed>>,
+    locals: Option<Vec<Typed>>,
+    duration: Option<Condition>,
+    condition: Option<Condition>,
+    effect: Option<Effect>,
+}
+
+fn fields<'p>(walk: &mut Walk<'_>, pairs: impl Iterator<Item = Pair<'p, Rule>>) -> Option<Fields> {
+    let mut fields = Fields::default();
+    for field in pairs {
+        let (rule, span) = (field.as_rule(), walk.span(&field));
+        let value = parts(field).next()?;
+        let is_again = match rule {
+            Rule::parameters => fields.parameters.replace(walk.typed(value)?).is_some(),
+            Rule::locals => fields.locals.replace(walk.typed(value)?).is_some(),
+            Rule::duration => fields.duration.replace(walk.condition(value)?).is_some(),
+            Rule::precondition | Rule::durative_condition => fields.condition.replace(walk.condition(value)?).is_some(),
+            _ => fields.effect.replace(walk.effect(value)?).is_some(),
+        };
+        if is_again {
+            return walk.fail(span, "this is there twice");
+        }
     }
-    *field = Some(value);
-    Some(())
+    Some(fields)
 }
 
 fn action(walk: &mut Walk<'_>, pair: Pair<'_, Rule>) -> Option<Action> {
     let place = walk.place(&pair);
-    let mut fields = parts(pair);
-    let name = walk.name(&fields.next()?);
-    let (mut parameters, mut locals, mut precondition, mut effect) = (None, None, None, None);
-    for field in fields {
-        let (rule, span) = (field.as_rule(), walk.span(&field));
-        let value = parts(field).next()?;
-        match rule {
-            Rule::parameters => {
-                let value = walk.typed(value)?;
-                once(walk, &mut parameters, value, span)?;
-            }
-            Rule::locals => {
-                let value = walk.typed(value)?;
-                once(walk, &mut locals, value, span)?;
-            }
-            Rule::precondition => {
-                let value = walk.condition(value)?;
-                once(walk, &mut precondition, value, span)?;
-            }
-            _ => {
-                let value = walk.effect(value)?;
-                once(walk, &mut effect, value, span)?;
-            }
-        }
-    }
+    let mut pairs = parts(pair);
+    let name = walk.name(&pairs.next()?);
+    let Fields { parameters, locals, condition, effect, .. } = fields(walk, pairs)?;
     let (parameters, locals) = (parameters.unwrap_or_default(), locals.unwrap_or_default());
-    Some(Action { name, parameters, locals, precondition, effect, place })
+    Some(Action { name, parameters, locals, precondition: condition, effect, place })
 }
 
 fn durative_action(walk: &mut Walk<'_>, pair: Pair<'_, Rule>) -> Option<DurativeAction> {
     let place = walk.place(&pair);
-    let mut fields = parts(pair);
-    let name = walk.name(&fields.next()?);
-    let (mut parameters, mut duration, mut condition, mut effect) = (None, None, None, None);
-    for field in fields {
-        let (rule, span) = (field.as_rule(), walk.span(&field));
-        let value = parts(field).next()?;
-        match rule {
-            Rule::parameters => {
-                let value = walk.typed(value)?;
-                once(walk, &mut parameters, value, span)?;
-            }
-            Rule::duration => {
-                let value = walk.condition(value)?;
-                once(walk, &mut duration, value, span)?;
-            }
-            Rule::durative_condition => {
-                let value = walk.condition(value)?;
-                once(walk, &mut condition, value, span)?;
-            }
-            _ => {
-                let value = walk.effect(value)?;
-                once(walk, &mut effect, value, span)?;
-            }
-        }
-    }
+    let mut pairs = parts(pair);
+    let name = walk.name(&pairs.next()?);
+    let Fields { parameters, duration, condition, effect, .. } = fields(walk, pairs)?;
     Some(DurativeAction { name, parameters: parameters.unwrap_or_default(), duration, condition, effect, place })
 }

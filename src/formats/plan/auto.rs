@@ -9,7 +9,7 @@ use crate::formats::Source;
 /// Reads a run of any planner: the plan files that it left, the last of them the best, its exit code, and what it printed.
 #[must_use]
 pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> Transcript {
-    let told = match dialect(stdout).or_else(|| dialect(stderr)) {
+    let transcript = match dialect(stdout).or_else(|| dialect(stderr)) {
         Some(Dialect::Ff) => ff::read(stdout, stderr),
         Some(Dialect::Downward) => downward::read(plans, code, stdout, stderr),
         Some(Dialect::Temporal) => unproven(temporal::read(plans, stdout, stderr)),
@@ -18,10 +18,10 @@ pub fn read(plans: &[Source], code: Option<i32>, stdout: &str, stderr: &str) -> 
             if ff.verdict == Verdict::Unclear { unproven(temporal::read(plans, stdout, stderr)) } else { ff }
         }
     };
-    if told.verdict == Verdict::Plan {
-        return if plans.is_empty() { behind::last_of_run(stdout, told) } else { told };
+    if transcript.verdict == Verdict::Plan {
+        return if plans.is_empty() { behind::last_of_run(stdout, transcript) } else { transcript };
     }
-    filed(plans).or_else(|| file(&Source::new("<stdout>", stdout))).unwrap_or(told)
+    filed(plans).or_else(|| file(&Source::new("<stdout>", stdout))).unwrap_or(transcript)
 }
 
 /// The last plan file that a planner left, whatever its spelling and whether or not it has a last line with the cost.

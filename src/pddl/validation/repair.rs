@@ -27,7 +27,7 @@ const REMEDIES: usize = 4;
 const MISSING: usize = 4;
 
 /// How many facts and objects are tried to find out whether an action can be taken.
-const EFFORT: u64 = 200_000;
+const MAX_ATTEMPTS: u64 = 200_000;
 
 /// A part of a false condition, and what would make it true.
 #[derive(Debug, Clone, PartialEq)]
@@ -287,7 +287,7 @@ impl<'s> Scene<'s> {
         }
         let slots: Vec<u32> = (0_u32..).take(action.variables.len()).collect();
         let index = self.state.index_of(condition).ok()?;
-        let join = Join::bounded(self.state, &index, EFFORT);
+        let join = Join::bounded(self.state, &index, MAX_ATTEMPTS);
         join.first(condition, &slots, &kinds, objects.clone()).ok().flatten()
     }
 

@@ -14,7 +14,7 @@ use super::search::{End, Event, Ground, Improvement, Refusal, Settings, ground, 
 /// The bytes for states where this process has no limit.
 const MEMORY: usize = 4 << 30;
 
-/// The work after which the engine gets its turn with a task with numbers.
+/// The work after which ferroplan gets its turn with a task with numbers.
 pub(super) const NUMERIC_WORK: u64 = 10_000_000;
 
 /// The work for a proof that a task has no plan, where no search has found one: a few seconds.

@@ -1,4 +1,4 @@
-//! The engine's reading of a task as one of the search's: names become numbers.
+//! ferroplan's reading of a task as one of the search's: names become numbers.
 
 use std::collections::{HashMap, HashSet};
 

@@ -1,4 +1,4 @@
-//! What FF says: the engine's answers in FF's words.
+//! The built-in planner's answers in FF's words.
 
 use std::fmt::Write as _;
 
@@ -116,7 +116,7 @@ pub(super) enum NoPlan {
     Bounded(String),
     /// There is no state left to look at.
     Exhausted,
-    /// The engine stopped without having seen everything.
+    /// The planner stopped without having seen everything.
     GaveUp(String),
     /// It has no more memory, and this is what took it.
     Full(String),
@@ -127,7 +127,7 @@ pub(super) enum NoPlan {
     },
 }
 
-/// What the engine has against a task, and the exit code for it.
+/// What ferroplan has against a task, and the exit code for it.
 pub(super) fn refusal(error: &SolveError) -> (String, i32) {
     match error {
         SolveError::DomainParse(error) => (format!("\nff: parse error in domain file: {error}\n"), 3),

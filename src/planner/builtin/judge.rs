@@ -1,6 +1,6 @@
 //! Whether a plan holds by the rules of the validator, before it is given out.
 //!
-//! The engine and the searches compress time and relax numbers; where one of their plans does not hold, the plan before it
+//! ferroplan and the searches compress time and relax numbers; where one of their plans does not hold, the plan before it
 //! is still the best one.
 
 use std::cell::OnceCell;

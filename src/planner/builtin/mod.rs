@@ -1,13 +1,14 @@
-//! The built-in planner: the crate `ferroplan`, in a child process of rmem's own.
+//! The built-in planner: rmem's own [`search`] and the crate `ferroplan`, in a child process of rmem's own.
 //!
 //! The child is `rmem ff -o DOMAIN -f PROBLEM`, which prints what FF prints, so that
 //! it serves programs written for FF as well. Being a process, it is limited, and
 //! crashes, like every other planner. As the planner of `rmem plan` it gets a task that has
 //! been read and written already, which [`CHECKED`] states.
 //!
-//! A classical task is for the [`search`] of rmem's own. One with numbers is worked on by it and a [`portfolio`] of
-//! the engine's searches; times, preferences and constraints have one way each, the engine's own. What ends a
-//! search is an amount of work, never a clock, so that the same task has the same plan everywhere.
+//! ferroplan parses every task. rmem's own search solves classical tasks, and temporal ones that need no concurrency
+//! ([`temporal`]). On a task with numbers, it takes turns with a [`portfolio`] of ferroplan's searches. ferroplan alone
+//! gets preferences, constraints, other temporal tasks, and what the search refuses. What ends a search is an amount of
+//! work, never a clock, so that the same task has the same plan everywhere.
 
 mod classical;
 mod compared;
@@ -37,10 +38,10 @@ use crate::process::Host;
 pub use options::Options;
 pub use solver::{child, solve};
 
-/// The version of the engine.
-const ENGINE: &str = "ferroplan 0.30.0";
+/// The version of ferroplan.
+const VERSION: &str = "ferroplan 0.30.0";
 
-/// What the engine does not read, or refuses.
+/// What ferroplan does not read, or refuses.
 const LACKS: [Feature; 6] = [
     Feature::ObjectFluents,
     Feature::ContinuousEffects,
@@ -50,11 +51,11 @@ const LACKS: [Feature; 6] = [
     Feature::TimedPreferences,
 ];
 
-/// What a temporal task may use for the engine only.
-const ENGINE_ONLY: [Feature; 4] =
+/// What only ferroplan can handle in a temporal task.
+const FERROPLAN_ONLY: [Feature; 4] =
     [Feature::DerivedPredicates, Feature::ChangingDerivedPredicates, Feature::Preferences, Feature::Constraints];
 
-/// The requirements that the engine knows by name. Others announce what it may well
+/// The requirements that ferroplan knows by name. Others announce what it may well
 /// be able to do: it reads `:derived` but not the keyword for it.
 const REQUIREMENTS: [&str; 21] = [
     ":strips",
@@ -81,7 +82,7 @@ const REQUIREMENTS: [&str; 21] = [
 ];
 
 /// The option that states that the task is known to be well-formed, in names that
-/// the engine reads.
+/// ferroplan reads.
 pub const CHECKED: &str = "--checked";
 
 /// The option to improve the plan for as long as the child may run.
@@ -100,7 +101,7 @@ impl Planner for Builtin {
     }
 
     fn version(&self) -> Option<String> {
-        Some(ENGINE.to_owned())
+        Some(VERSION.to_owned())
     }
 
     fn is_own(&self) -> bool {
@@ -125,7 +126,7 @@ impl Planner for Builtin {
         std::iter::once(host.exe.clone().into()).chain(words.map(OsString::from)).collect()
     }
 
-    /// None: the engine takes settings from the environment, and the same task has the same
+    /// None: ferroplan takes settings from the environment, and the same task has the same
     /// plan everywhere.
     fn environment(&self) -> Option<&[(&str, &str)]> {
         Some(&[])
@@ -147,12 +148,12 @@ impl Planner for Builtin {
         }
     }
 
-    /// Plans with times are improved where the search of rmem's own makes them; the engine makes one plan.
+    /// Plans with times are improved where the search of rmem's own makes them; ferroplan makes one plan.
     fn improves(&self, task: &Task<'_>) -> bool {
         let features = || task.domain.features().iter().chain(task.problem.features()).map(|used| used.feature);
         let is_temporal = features().any(|feature| feature == Feature::DurativeActions);
-        let is_for_engine = features().any(|feature| ENGINE_ONLY.contains(&feature));
-        self.anytime && !(is_temporal && is_for_engine)
+        let is_for_ferroplan = features().any(|feature| FERROPLAN_ONLY.contains(&feature));
+        self.anytime && !(is_temporal && is_for_ferroplan)
     }
 
     /// It says each plan that it finds, also where it looks for better ones for a while only.

@@ -1,4 +1,4 @@
-//! A classical task, by several searches of the engine in turn.
+//! A task without times that rmem's own search has refused or not solved, by several searches of ferroplan in turn.
 //!
 //! Where one search finds a plan in a blink, another may not find any: so each gets a
 //! slice, and where none has a plan, a slice four times as large. Slices are numbers of states,
@@ -10,7 +10,7 @@
 //!
 //! 1. search by novelty, partitioned by the facts that matter to the goal: it makes no estimates,
 //!    and is quick where they mislead;
-//! 2. enforced hill-climbing, greedy search by landmarks, and best-first search, the engine's ladder; its last
+//! 2. enforced hill-climbing, greedy search by landmarks, and best-first search, ferroplan's ladder; its last
 //!    rung is complete, and proves;
 //! 3. search by novelty and the number of goals.
 //!
@@ -56,7 +56,7 @@ const POLISH: usize = 30_000;
 /// The weights of the estimate, from greedy to cautious, with which better plans are looked for.
 const WEIGHTS: [f64; 3] = [3.0, 2.0, 1.0];
 
-/// The action that the engine adds to reach a goal that is not a conjunction.
+/// The action that ferroplan adds to reach a goal that is not a conjunction.
 const PSEUDO_ACTION: &str = "REACH-GOAL";
 
 /// Finds a plan, and with [`Options::anytime`] better and better ones; says why there is none.
@@ -186,7 +186,7 @@ impl Portfolio<'_> {
         work / self.task.n_ops.max(1)
     }
 
-    /// Best-first search, at the end of the engine's whole ladder where that is wanted.
+    /// Best-first search, at the end of ferroplan's whole ladder where that is wanted.
     fn estimates(&self, states: usize, ladder: bool) -> Slice {
         let settings = SearchCfg::from_weights(1.0, 5.0, Some(states));
         let found = search::plan(self.task, self.threads, settings, ladder, None);
@@ -275,7 +275,7 @@ impl Portfolio<'_> {
         }
     }
 
-    /// A plan of the engine's operators as one of actions.
+    /// A plan of ferroplan's operators as one of actions.
     fn report(&self, ops: &[usize], metric: Option<f64>) -> Plan {
         let names = ops.iter().filter_map(|op| self.task.op_display.get(*op));
         let words = names.filter_map(|name| {

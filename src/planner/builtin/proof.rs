@@ -1,12 +1,12 @@
-//! What an exhausted search of the engine's proves.
+//! What an exhausted search of ferroplan's proves.
 
 use ferroplan::types::{Domain, Effect, Formula, Problem};
 
-/// Why an exhausted search proves nothing: the engine's estimate of what is still
+/// Why an exhausted search proves nothing: ferroplan's estimate of what is still
 /// reachable decides which states it drops, and only for these tasks is it known to err
 /// on the safe side.
 ///
-/// Takes the task as it was read, before the engine compiles anything away.
+/// Takes the task as it was read, before ferroplan compiles anything away.
 pub(super) fn doubt(domain: &Domain, problem: &Problem) -> Option<&'static str> {
     if !domain.durative_actions.is_empty() || !problem.til.is_empty() {
         return Some("times");

@@ -176,10 +176,10 @@ fn holds((domain, problem): &(String, String), plan: &ferroplan::Plan) {
     assert!(judge.allows(plan), "{:?}\n{domain}\n{problem}\n{plan:?}", judge.fault);
 }
 
-/// The most tasks without a plan that the engine is asked about, as it takes its time.
+/// The most tasks without a plan that ferroplan is asked about, as it takes its time.
 const MOST: usize = 4;
 
-/// Whether the engine finds a plan that holds.
+/// Whether ferroplan finds a plan that holds.
 fn has_plan((domain, problem): &(String, String)) -> bool {
     let solution = ferroplan::solve(domain, problem, &ferroplan::Options::default()).ok();
     let plan = solution.and_then(|solution| solution.plan.filter(|_| solution.solved));

@@ -16,11 +16,11 @@ use crate::formats::pddl::portable::{self, Sent};
 use crate::planner::run::refuse;
 use crate::planner::task::Task;
 
-/// The engine grounds and searches with recursion over formulas.
+/// ferroplan grounds and searches with recursion over formulas.
 const STACK: usize = 64 << 20;
 
-/// Plans, and says what FF says, piece by piece; returns the exit code of [`crate::planner::Outcome`]. What the
-/// engine cannot do is refused with the line, and the plan has the names of the task.
+/// Plans, and says what FF says, piece by piece; returns the exit code of [`crate::planner::Outcome`]. What
+/// ferroplan cannot do is refused with the line, and the plan has the names of the task.
 pub fn solve(task: &Task<'_>, options: Options, say: &mut dyn FnMut(&str)) -> i32 {
     say(&ff_output::preface(task.domain.name(), task.problem.name()));
     if let Some(refusal) = refuse(&Builtin::default(), task) {
@@ -32,13 +32,13 @@ pub fn solve(task: &Task<'_>, options: Options, say: &mut dyn FnMut(&str)) -> i3
     apart(&sent.domain, &sent.problem, options, Some(&sent), say)
 }
 
-/// As [`solve`], for the texts of a task that is known to be well-formed: they go to the
-/// engine as they are (3 where it cannot read them all the same).
+/// As [`solve`], for the texts of a task that is known to be well-formed: they go to
+/// ferroplan as they are (3 where it cannot read them all the same).
 pub fn child(domain: &str, problem: &str, options: Options, say: &mut dyn FnMut(&str)) -> i32 {
     apart(domain, problem, options, None, say)
 }
 
-/// Lets the engine work on a stack of its own.
+/// Solves the task on a stack of its own.
 fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say: &mut dyn FnMut(&str)) -> i32 {
     let (sender, texts) = mpsc::channel::<String>();
     thread::scope(|scope| {
@@ -67,20 +67,20 @@ fn apart(domain: &str, problem: &str, options: Options, sent: Option<&Sent>, say
             Ok(work) => work,
             // A thread that cannot be had lacks the memory for its stack.
             Err(error) => {
-                say(&format!("\nmemory allocation of {STACK} bytes for the engine failed: {error}\n"));
+                say(&format!("\nmemory allocation of {STACK} bytes for the stack failed: {error}\n"));
                 return 22;
             }
         };
         texts.iter().for_each(|text| say(&text));
         work.join().unwrap_or_else(|_| {
-            say("\nthe engine crashed\n");
+            say("\nthe planner crashed\n");
             32
         })
     })
 }
 
 /// Passes on the plans that hold: each at once, or the last one at the end.
-struct Teller<'t, 'r> {
+struct Reporter<'t, 'r> {
     judge: Option<Judge<'t>>,
     says_each: bool,
     has_plan: bool,
@@ -90,8 +90,8 @@ struct Teller<'t, 'r> {
     report: &'r mut dyn FnMut(Message<'_>),
 }
 
-impl Teller<'_, '_> {
-    fn tell(&mut self, message: Message<'_>) {
+impl Reporter<'_, '_> {
+    fn send(&mut self, message: Message<'_>) {
         if let Message::Plan(plan) = message {
             if self.judge.as_mut().is_some_and(|judge| !judge.allows(plan)) {
                 return;
@@ -140,13 +140,13 @@ fn answer(
     // What is true or false only is searched as it is.
     let is_judged = !is_classical(&task, &instance) || compared::has_numbers(&task, &instance);
     let judge = is_judged.then(|| Judge::new(domain, problem));
-    let mut teller =
-        Teller { judge, says_each: options.says_each(), has_plan: false, last: None, earliest: None, report };
+    let mut reporter =
+        Reporter { judge, says_each: options.says_each(), has_plan: false, last: None, earliest: None, report };
     let reason = match is_classical(&task, &instance) {
-        true => timeless(&task, &instance, options, &mut teller)?,
-        false => timed(&task, &instance, options, (domain, problem), &mut teller)?,
+        true => timeless(&task, &instance, options, &mut reporter)?,
+        false => timed(&task, &instance, options, (domain, problem), &mut reporter)?,
     };
-    let reason = teller.finish(reason);
+    let reason = reporter.finish(reason);
     options.free((task, instance));
     Ok(reason)
 }
@@ -155,33 +155,33 @@ fn timeless(
     task: &Domain,
     instance: &Problem,
     options: Options,
-    teller: &mut Teller<'_, '_>,
+    reporter: &mut Reporter<'_, '_>,
 ) -> Result<Option<NoPlan>, SolveError> {
-    let mut open = match classical::plan(task, instance, options, &mut |message| teller.tell(message))? {
-        Answer::Solved if teller.has_plan => return Ok(None),
+    let mut open = match classical::plan(task, instance, options, &mut |message| reporter.send(message))? {
+        Answer::Solved if reporter.has_plan => return Ok(None),
         Answer::None(reason) => return Ok(Some(reason)),
         Answer::Solved | Answer::Declined => None,
         Answer::Open(open) => Some(open),
     };
-    let teller = RefCell::new(teller);
+    let reporter = RefCell::new(reporter);
     let (mut work, mut proof) = (classical::NUMERIC_WORK, None);
     // The search starts anew with more work each time, so that all it did in vain is a part of what it needs.
     let beside = &mut || {
         work = work.saturating_mul(2);
-        let send = &mut |message: Message<'_>| teller.borrow_mut().tell(message);
+        let send = &mut |message: Message<'_>| reporter.borrow_mut().send(message);
         let Some(searched) = open.take() else { return false };
         match classical::numeric(&searched, classical::memory(), work, options, send) {
             // A search whose plan does not hold would find it again.
-            Numeric::Solved => return teller.borrow().has_plan,
+            Numeric::Solved => return reporter.borrow().has_plan,
             Numeric::None(reason) => proof = Some(reason),
             Numeric::Open => open = Some(searched),
         }
         proof.is_some()
     };
-    let found = &mut |plan: &Plan| teller.borrow_mut().tell(Message::Plan(plan));
+    let found = &mut |plan: &Plan| reporter.borrow_mut().send(Message::Plan(plan));
     let reason = portfolio::plan(task, instance, options, beside, found)?;
-    if proof.is_none() && reason.is_some() && !teller.borrow().has_plan {
-        let send = &mut |message: Message<'_>| teller.borrow_mut().tell(message);
+    if proof.is_none() && reason.is_some() && !reporter.borrow().has_plan {
+        let send = &mut |message: Message<'_>| reporter.borrow_mut().send(message);
         let refuted = |open: Box<_>| classical::refuted(&open, classical::memory(), classical::PROOF_WORK, send);
         if let Some(Numeric::None(reason)) = open.map(refuted) {
             proof = Some(reason);
@@ -195,11 +195,11 @@ fn timed(
     instance: &Problem,
     options: Options,
     (domain, problem): (&str, &str),
-    teller: &mut Teller<'_, '_>,
+    reporter: &mut Reporter<'_, '_>,
 ) -> Result<Option<NoPlan>, SolveError> {
     if is_plain(task, instance) {
-        temporal::plan(task, instance, options, classical::memory(), &mut |message| teller.tell(message));
-        if teller.has_plan {
+        temporal::plan(task, instance, options, classical::memory(), &mut |message| reporter.send(message));
+        if reporter.has_plan {
             return Ok(None);
         }
     }
@@ -215,7 +215,7 @@ fn timed(
         let settings = Settings { optimize, ..Settings::default() };
         let solution = ferroplan::solve(domain, problem, &settings)?;
         match solution.plan {
-            Some(plan) if solution.solved => teller.tell(Message::Plan(&plan)),
+            Some(plan) if solution.solved => reporter.send(Message::Plan(&plan)),
             _ => {
                 let why = solution.notes.join("; ");
                 reason = Some(match proof::doubt(task, instance) {
@@ -225,7 +225,7 @@ fn timed(
             }
         }
     }
-    if reason.is_none() || teller.has_plan {
+    if reason.is_none() || reporter.has_plan {
         return Ok(reason);
     }
     Ok(temporal::refuted(task, instance, classical::memory(), classical::PROOF_WORK).or(reason))

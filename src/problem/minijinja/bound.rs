@@ -1,6 +1,6 @@
 //! How long an expression of a minijinja template may be.
 //!
-//! The engine bounds how deep brackets and blocks nest, but it builds a chain
+//! minijinja bounds how deep brackets and blocks nest, but it builds a chain
 //! (`1+1+…`, `a|f|f…`, `not not …`, `a[0][0]…`, `{% elif %}` after `{% elif %}`) one level
 //! per link as well, and goes through it by recursion. So links are counted
 //! before it sees the template.
@@ -15,7 +15,7 @@ const BRANCHES: usize = 500;
 /// Words that join two expressions, or stand before one.
 const WORDS: [&str; 7] = ["and", "or", "not", "if", "else", "is", "in"];
 
-/// Refuses a template whose expressions are too long for the engine, at the link that is too much.
+/// Refuses a template whose expressions are too long for minijinja, at the link that is too much.
 pub(super) fn check(template: &Source) -> Result<(), Diagnostic> {
     let mut branches: Vec<usize> = Vec::new();
     let mut open = 0;

@@ -1,4 +1,4 @@
-//! Comparisons of values whose types differ: the engine takes them for unequal, and orders them by their types.
+//! Comparisons of values whose types differ: minijinja takes them for unequal, and orders them by their types.
 
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! The comparisons in the code of a tag, which get their places.
 //!
-//! The engine has no hook for its operators, so a filter beside an operand looks at what is compared: `a == 3` becomes
+//! minijinja has no hook for its operators, so a filter beside an operand looks at what is compared: `a == 3` becomes
 //! `a|_before(n, '==', 3)==3`, and `a == b` becomes `a|_left(n)==b|_right(n, '==')`. What a literal decides is left alone, so
 //! that `r.kind == 'block'` costs nothing.
 
@@ -239,7 +239,7 @@ fn watched(left: &Operand<'_>, operator: &str, right: &Operand<'_>, is_alone: bo
         }
         (Some(literal), None) if may_differ(literal) => right.filtered(AFTER, format!(", '{operator}', {}", left.text)),
         (None, Some(_)) | (Some(_), None) => return None,
-        // In `a < b < c`, the engine leaves out `c` where the first comparison fails, and with it what was kept for it.
+        // In `a < b < c`, minijinja leaves out `c` where the first comparison fails, and with it what was kept for it.
         _ if !is_alone => return None,
         _ => {
             let mut both = left.filtered(LEFT, String::new());

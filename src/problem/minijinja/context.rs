@@ -36,7 +36,7 @@ pub(super) struct Context {
     is_placed: AtomicBool,
     /// The numbered places whose text is written as it is.
     written: HashSet<usize>,
-    /// The loops that are written without the engine.
+    /// The loops that are written without minijinja.
     pub(super) plans: Vec<Arc<Plan>>,
     /// What one of them goes through, where that ended the rendering.
     pub(super) stopped: Mutex<Option<Span>>,

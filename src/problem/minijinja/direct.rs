@@ -1,6 +1,6 @@
 //! What is rendered becomes the problem at once.
 //!
-//! A value goes into the problem where the engine writes directly to it. Where the engine collects text first, for a macro, a
+//! A value goes into the problem where minijinja writes directly to it. Where minijinja collects text first, for a macro, a
 //! block or a filter, the value is kept, and a number in brackets stands for it in that text until the text is written. A value
 //! is kept until then only: a text that is written twice makes the problem doubtful.
 
@@ -23,10 +23,10 @@ const LONGEST: usize = 32;
 #[derive(Debug)]
 pub(super) struct Direct {
     under_way: Mutex<UnderWay>,
-    /// Whether the engine wrote nothing, which it does when it is tried.
+    /// Whether minijinja wrote nothing, which it does when it is tried.
     is_tried: AtomicBool,
     is_doubtful: AtomicBool,
-    /// How many steps were made without the engine.
+    /// How many steps were made without minijinja.
     steps: AtomicU64,
 }
 
@@ -79,21 +79,21 @@ impl Direct {
         under_way.stream.take().filter(|_| is_whole).ok_or(Doubtful)
     }
 
-    /// Whether the engine writes directly to the problem, and collects nothing.
+    /// Whether minijinja writes directly to the problem, and collects nothing.
     pub(super) fn is_straight(&self, out: &mut Output<'_>) -> Result<bool, Error> {
         self.is_tried.store(false, Ordering::Relaxed);
         out.write_str("")?;
         Ok(self.is_tried.load(Ordering::Relaxed))
     }
 
-    /// Adds to the problem, where the engine collects nothing.
+    /// Adds to the problem, where minijinja collects nothing.
     pub(super) fn straight(&self, add: impl FnOnce(&mut Stream) -> Result<(), Doubtful>) -> Result<(), Doubtful> {
         let mut under_way = lock(&self.under_way);
         let UnderWay { stream, kept } = &mut *under_way;
         stream.as_mut().filter(|_| kept.open.is_empty() && !self.is_doubtful()).ok_or(Doubtful).and_then(add)
     }
 
-    /// Counts steps that were made without the engine; returns how many there were.
+    /// Counts steps that were made without minijinja; returns how many there were.
     pub(super) fn count(&self, steps: u64) -> u64 {
         self.steps.fetch_add(steps, Ordering::Relaxed) + steps
     }
@@ -166,7 +166,7 @@ impl Direct {
     }
 }
 
-/// Where the engine writes what is rendered.
+/// Where minijinja writes what is rendered.
 pub(super) struct Sink(pub(super) Arc<Direct>);
 
 impl io::Write for Sink {

@@ -11,7 +11,7 @@ use crate::problem::Request;
 pub(super) struct Files {
     /// As they were written, the template first.
     pub(super) texts: Texts,
-    /// As the engine gets them, in the same order, with the names that it knows them by.
+    /// As minijinja gets them, in the same order, with the names that it knows them by.
     instrumented: Vec<(String, Instrumented)>,
 }
 
@@ -38,7 +38,7 @@ impl Files {
         self.instrumented.iter().map(|(name, instrumented)| (name.as_str(), instrumented.text.as_str()))
     }
 
-    /// The text that the engine knows by a name, as it was written and as the engine has it; the template where there is none.
+    /// The text that minijinja knows by a name, as it was written and as minijinja has it; the template where there is none.
     pub(super) fn of(&self, name: Option<&str>) -> Option<(&Source, &Instrumented)> {
         let found = self.instrumented.iter().skip(1).position(|(known, _)| Some(known.as_str()) == name);
         let place = found.map_or(0, |place| place + 1);

@@ -118,7 +118,7 @@ const CLOCKS: [&str; 9] = ["now", "today", "time", "date", "datetime", "timestam
 /// Ways to ask how many there are, as methods and keys of other languages.
 const LENGTHS: [&str; 5] = ["length", "len", "size", "count", "__len__"];
 
-/// A mistake that the engine found.
+/// A mistake that minijinja found.
 pub(super) struct Mistake<'a> {
     pub(super) error: &'a Error,
     /// The text with the mistake.

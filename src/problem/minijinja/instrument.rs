@@ -35,7 +35,7 @@ pub(super) struct Numbered {
     pub(super) written: HashSet<usize>,
     /// Stretches of fixed text.
     pub(super) texts: Vec<Span>,
-    /// Loops that are written without the engine.
+    /// Loops that are written without minijinja.
     pub(super) plans: Vec<Plan>,
     /// The two sides of each comparison, by its site.
     pub(super) compared: BTreeMap<usize, (Side, Side)>,
@@ -44,7 +44,7 @@ pub(super) struct Numbered {
 /// A template with its places numbered.
 #[derive(Debug, Default)]
 pub(super) struct Instrumented {
-    /// What the engine gets.
+    /// What minijinja gets.
     pub(super) text: String,
     /// The offset of the original among the texts.
     base: usize,
@@ -83,7 +83,7 @@ impl Instrumented {
 }
 
 /// Numbers the places of a template, whose first byte is at `base` among the texts; `all` are these texts. Without `is_noted`,
-/// only calls get their place, and loops that need no engine get a plan instead.
+/// only calls get their place, and loops that do without minijinja get a plan instead.
 pub(super) fn instrument(
     template: &str,
     base: usize,

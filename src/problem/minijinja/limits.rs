@@ -3,9 +3,9 @@
 use minijinja::value::Rest;
 use minijinja::{Environment, Error, ErrorKind, State, Value, filters};
 
-/// How many steps of the engine a template may take: enough for millions of documents.
+/// How many steps of minijinja a template may take: enough for millions of documents.
 pub(super) const FUEL: u64 = 500_000_000;
-/// The greatest width and count: as many as the engine's own `range` has members at most.
+/// The greatest width and count: as many as minijinja's own `range` has members at most.
 const MAX: i64 = 100_000;
 /// The longest text that `replace` makes, in bytes.
 const MAX_TEXT: usize = 64 << 20;
@@ -28,7 +28,7 @@ pub(super) fn register(environment: &mut Environment<'_>) {
     }
 }
 
-/// The name of the engine's own filter: none that a template can write.
+/// The name of minijinja's own filter: none that a template can write.
 fn original(name: &str) -> String {
     format!("{name} without bound")
 }

@@ -1,4 +1,4 @@
-//! Mistakes that the engine finds, in the words and at the places of the template as it was written.
+//! Mistakes that minijinja finds, in the words and at the places of the template as it was written.
 
 use minijinja::{Error, ErrorKind};
 

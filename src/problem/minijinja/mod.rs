@@ -162,7 +162,7 @@ pub(super) fn taken(request: &Request) -> Taken {
         all.names.extend(template.undeclared_variables(false));
         for tag in tags::tags(source.text()) {
             if tag.word() == "filter" {
-                // The engine does not list these; its arguments are in brackets.
+                // minijinja does not list these; its arguments are in brackets.
                 let at = tag.code().find('(').unwrap_or(tag.code().len());
                 let arguments = tag.words().into_iter().filter(|(start, _)| *start > at);
                 let names = arguments.filter(|(_, word)| !word.starts_with(|c: char| c.is_ascii_digit()));
@@ -233,7 +233,7 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     // Rendered parts (macros, blocks) are "safe", and values are not; no filter makes a value safe.
     environment.set_auto_escape_callback(|_| AutoEscape::Custom("pddl".into()));
     environment.remove_filter("safe");
-    // It shows the engine's inside, as one name.
+    // It shows minijinja's inside, as one name.
     environment.remove_global("debug");
     let shared = Arc::clone(context);
     let goal = variables.values.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());

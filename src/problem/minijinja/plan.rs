@@ -1,8 +1,9 @@
-//! Loops over documents that need no engine: their bodies are fixed text, keys of the document, and conditions on such keys.
+//! Loops over documents that do without minijinja: their bodies are fixed text, keys of the document, and conditions on
+//! such keys.
 //!
 //! `{% for r in query(…) %}(on {{ r.a }} {{ r.b }}){% endfor %}` becomes `{{ _rows(n, query(…)) }}`, where `n` is the number
 //! of the loop's plan, and [`rows`](super::rows) writes what the loop would. This is only where nothing is noted of what is
-//! written: what is wrong in a row makes the problem doubtful, and the engine finds it again and says so.
+//! written: what is wrong in a row makes the problem doubtful, and minijinja finds it again and says so.
 
 use std::iter::Peekable;
 
@@ -18,7 +19,7 @@ pub(super) const ROWS: &str = "_rows";
 const MAX_DEPTH: usize = 16;
 /// The functions whose documents are gone through.
 const ASKING: [&str; 2] = ["query(", "aggregate("];
-/// Names that the engine does not let a loop set.
+/// Names that minijinja does not let a loop set.
 const RESERVED: [&str; 10] = ["true", "True", "false", "False", "none", "None", "loop", "self", "in", "not"];
 
 /// What a loop writes for each document.
@@ -87,7 +88,7 @@ impl<'a> Inside<'a> {
     }
 }
 
-/// Plans the loop that begins with `tag`, whose body and end follow in `tags`; nothing where it needs the engine.
+/// Plans the loop that begins with `tag`, whose body and end follow in `tags`; nothing where it needs minijinja.
 pub(super) fn plan<'t>(template: &'t str, tag: &Tag<'t>, tags: impl Iterator<Item = Tag<'t>>) -> Option<Planned> {
     let head = Inside::of(tag).filter(|_| tag.kind == TagKind::Statement && tag.word() == "for")?;
     let rest = head.code.strip_prefix("for")?;
@@ -142,7 +143,7 @@ fn is_call(code: &str) -> bool {
     false
 }
 
-/// What the engine passes over in code.
+/// What minijinja passes over in code.
 fn is_blank(c: char) -> bool {
     c.is_ascii_whitespace()
 }
@@ -155,7 +156,7 @@ fn start(code: &str) -> &str {
 fn word(code: &str) -> Option<(&str, &str)> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let (word, rest) = code.split_at(code.find(|c| !is_part(c)).unwrap_or(code.len()));
-    // The engine knows other letters, too.
+    // minijinja knows other letters, too.
     let is_whole = !word.is_empty() && rest.chars().next().is_none_or(|c| c.is_ascii());
     (is_whole && !word.starts_with(|c: char| c.is_ascii_digit())).then_some((word, rest))
 }
@@ -236,7 +237,7 @@ impl<'t, T: Iterator<Item = Tag<'t>>> Body<'t, T> {
             names.push(name.to_owned());
             rest = after;
         }
-        // A document itself is no value; `r.f(…)` and `r['a']` are for the engine.
+        // A document itself is no value; `r.f(…)` and `r['a']` are for minijinja.
         if names.is_empty() || rest.starts_with(['(', '[']) {
             return None;
         }
@@ -343,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_the_engine_has_no_plan() {
+    fn what_needs_minijinja_has_no_plan() {
         for body in [
             "{{ r }}",
             "{{ s.a }}",

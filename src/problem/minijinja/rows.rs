@@ -1,4 +1,4 @@
-//! Writes what a loop with a [`Plan`] writes, without the engine.
+//! Writes what a loop with a [`Plan`] writes, without minijinja.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -81,7 +81,7 @@ impl Target for Stream {
     }
 }
 
-/// Text that the engine collects, in which marks stand for values.
+/// Text that minijinja collects, in which marks stand for values.
 struct Collected<'a, 'o> {
     direct: &'a Direct,
     out: &'a mut Output<'o>,
@@ -103,7 +103,7 @@ struct Writer<'p> {
     respelled: &'p Respelled,
     /// A number as text.
     number: String,
-    /// How many steps the engine would have made, at least.
+    /// How many steps minijinja would have made, at least.
     steps: u64,
 }
 
@@ -201,7 +201,7 @@ impl Writer<'_> {
         }
     }
 
-    /// Writes a value, as [`Context::emit`] does. What has no name in PDDL is an error, which the engine explains.
+    /// Writes a value, as [`Context::emit`] does. What has no name in PDDL is an error, which minijinja explains.
     fn emit(&mut self, value: RawBsonRef<'_>, target: &mut impl Target) -> Result<(), Doubtful> {
         self.number.clear();
         let number = &mut self.number;
@@ -219,7 +219,7 @@ impl Writer<'_> {
     }
 }
 
-/// Whether the engine takes a value for true.
+/// Whether minijinja takes a value for true.
 fn is_true(value: RawBsonRef<'_>) -> Result<bool, Doubtful> {
     Ok(match value {
         RawBsonRef::Boolean(flag) => flag,

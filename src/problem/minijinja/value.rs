@@ -32,7 +32,7 @@ pub(super) fn write_double(out: &mut impl fmt::Write, number: f64) -> fmt::Resul
     if number.fract() == 0.0 { write!(out, "{number:.1}") } else { write!(out, "{number}") }
 }
 
-/// What the template looked at: the last document, and which numbers were of 64 bits, which the engine
+/// What the template looked at: the last document, and which numbers were of 64 bits, which minijinja
 /// does not distinguish from those of 32.
 #[derive(Debug, Default)]
 pub(super) struct Looked {

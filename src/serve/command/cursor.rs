@@ -106,7 +106,7 @@ fn kill(host: &mut Host<'_>, call: &Call) -> Answer {
         if found { killed.push(*id) } else { missing.push(*id) }
     }
     host.server.hub.call();
-    host.handle_letters();
+    host.handle_messages();
     let none: Vec<i64> = Vec::new();
     raw(
         &doc! { "cursorsKilled": killed, "cursorsNotFound": missing, "cursorsAlive": none.clone(), "cursorsUnknown": none },

@@ -22,13 +22,13 @@ pub(super) const FUNCTIONS: &[Function] = &[
         // Of success the agent learns by the change of the mutex' document.
         let is_locked = succeeded(lock::lock(state, arguments, false), clips, "try-lock")?;
         if !is_locked {
-            tell("try-lock-async", false, Some(arguments.text(1)?), clips)?;
+            assert_feedback("try-lock-async", false, Some(arguments.text(1)?), clips)?;
         }
         Ok(begun())
     }),
     function(&["robmem-mutex-renew-lock-async"], 2, 2, |state, clips, arguments| {
         let is_renewed = succeeded(lock::lock(state, arguments, true), clips, "renew-lock")?;
-        tell("renew-lock-async", is_renewed, Some(arguments.text(1)?), clips)?;
+        assert_feedback("renew-lock-async", is_renewed, Some(arguments.text(1)?), clips)?;
         Ok(begun())
     }),
     function(&["robmem-mutex-force-lock-async"], 2, 2, |state, clips, arguments| {
@@ -42,7 +42,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
             Err(Failure::Declined(message)) => declined(clips, "expire-locks", &message),
             done => done.map(|_| true)?,
         };
-        tell("expire-locks-async", is_done, None, clips)?;
+        assert_feedback("expire-locks-async", is_done, None, clips)?;
         Ok(Value::truth(true))
     }),
 ];
@@ -69,8 +69,8 @@ fn declined(clips: &Environment, operation: &str, message: &str) -> bool {
     false
 }
 
-/// Asserts the result of an operation.
-fn tell(operation: &str, is_done: bool, name: Option<&str>, clips: &Environment) -> Result<(), Failure> {
+/// Asserts the fact `mutex-op-feedback` with the result of an operation.
+fn assert_feedback(operation: &str, is_done: bool, name: Option<&str>, clips: &Environment) -> Result<(), Failure> {
     let symbol = |text: &str| clips::Value::Symbol(text.to_owned());
     let mut values = vec![symbol(operation), symbol(if is_done { "OK" } else { "FAIL" })];
     values.extend(name.map(|name| if is_symbol(name) { symbol(name) } else { clips::Value::Text(name.to_owned()) }));

@@ -58,7 +58,7 @@ robmem-pipeline-destroy now now-systime
 (robmem-mutex-create-async NAME) robmem-mutex-destroy-async (robmem-mutex-try-lock-async NAME OWNER)
 robmem-mutex-renew-lock-async robmem-mutex-force-lock-async robmem-mutex-unlock-async
 (robmem-mutex-expire-locks-async SEC), which assert (mutex-op-feedback OPERATION OK|FAIL NAME) as there.
-Mutexes are those of rmem lock, or after a trigger on robmem_coordination.mutex those of that collection
+Mutexes are those of rmem lock; after a trigger on robmem_coordination.mutex, those of that collection.
 
 As in the CLIPS executive, for a deftemplate wm-fact with the slots id, key, type, is-list, value and values:
 (wm-robmem-sync-enable PREFIX …) keeps facts whose id begins so in syncedrobmem.worldmodel, with all engines

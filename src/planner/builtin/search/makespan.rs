@@ -116,9 +116,9 @@ impl Timing {
     }
 }
 
-/// How much work to spend.
+/// The limits of the work.
 #[derive(Debug, Clone, Copy)]
-pub struct Effort {
+pub struct WorkLimits {
     /// Until there is a plan.
     pub first: u64,
     /// Then, until a better one is no longer looked for.
@@ -131,14 +131,14 @@ pub fn hasten(
     task: &Task,
     timing: &Timing,
     known: Option<u64>,
-    effort: Effort,
+    limits: WorkLimits,
     memory: usize,
     found: &mut dyn FnMut(&[OperatorId]),
 ) {
     let generator = Generator::new(task);
     let mut relaxed = Relaxed::new(task, Costs::PlusOne);
     let mut best = known.unwrap_or(NO_END);
-    let mut limit = if known.is_some() { effort.better } else { effort.first };
+    let mut limit = if known.is_some() { limits.better } else { limits.first };
     let mut round = ROUND.min(limit);
     // What one round does not find, a longer one may.
     while relaxed.work < limit {
@@ -148,7 +148,7 @@ pub fn hasten(
             let mut search = Search::new(task, timing, &generator, &mut relaxed, weight);
             is_full &= search.run(&mut best, slice, memory, found);
             if is_first && best < NO_END {
-                limit = relaxed.work.saturating_add(effort.better);
+                limit = relaxed.work.saturating_add(limits.better);
             }
         }
         if is_full {
@@ -383,8 +383,8 @@ mod tests {
     fn two_robots_share_the_work() {
         let (task, timing) = carriers();
         let mut best = Vec::new();
-        let effort = Effort { first: 0, better: 10_000_000 };
-        hasten(&task, &timing, Some(44), effort, 1 << 26, &mut |plan| best = plan.to_vec());
+        let limits = WorkLimits { first: 0, better: 10_000_000 };
+        hasten(&task, &timing, Some(44), limits, 1 << 26, &mut |plan| best = plan.to_vec());
         assert_eq!(timing.schedule(&best).map(|(_, end)| end), Some(21));
     }
 }

@@ -167,7 +167,7 @@ impl Comparison {
     }
 
     /// Returns the fact that says whether it holds.
-    pub(super) fn told(&self, values: &impl Fn(u32) -> f64) -> Fact {
+    pub(super) fn truth(&self, values: &impl Fn(u32) -> f64) -> Fact {
         match self.holds(values) {
             Some(true) => self.fact,
             None if self.is_partial => self.fact + 2,

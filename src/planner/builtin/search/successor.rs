@@ -181,7 +181,8 @@ fn set(task: &Task, state: &mut [Fact], values: &[(u32, f64)]) {
     }
     for number in values.iter().flat_map(|(variable, _)| &task.numbers.uses[*variable as usize]) {
         let comparison = &task.numbers.comparisons[*number as usize];
-        state[task.variable(comparison.fact)] = comparison.told(&|variable| number::value(task.len(), state, variable));
+        state[task.variable(comparison.fact)] =
+            comparison.truth(&|variable| number::value(task.len(), state, variable));
     }
 }
 

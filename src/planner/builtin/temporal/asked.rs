@@ -1,4 +1,4 @@
-//! What the engine does not have to be asked: it takes a condition over all that the action's own start makes true for one
+//! What ferroplan does not have to be asked: it takes a condition over all that the action's own start makes true for one
 //! that has to hold before, and finds no plan. Its plans are judged with the condition.
 
 use crate::formats::Source;

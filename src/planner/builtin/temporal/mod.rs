@@ -26,14 +26,14 @@ use super::compared;
 use super::convert::convert;
 use super::ff_output::NoPlan;
 use super::options::Options;
-use super::search::makespan::{Effort, Timing, hasten};
+use super::search::makespan::{Timing, WorkLimits, hasten};
 use super::search::task::{OperatorId, Task};
 use super::search::{End, Event, Ground, Improvement, Settings, ground, solve};
 
 /// The length of the longest action in estimates.
 const FINENESS: u64 = 16;
 
-/// The work for a plan, after which the engine has its turn.
+/// The work for a plan, after which ferroplan has its turn.
 const WORK: u64 = 2_000_000_000;
 
 /// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
@@ -77,15 +77,15 @@ pub(super) fn plan(
     let (Some(first), End::Solved) = (first, end) else { return false };
     // A plan that is made without a look at the clock may miss a window.
     let mut has_plan = false;
-    let mut tell = |plan: Option<Plan>| {
+    let mut send_plan = |plan: Option<Plan>| {
         has_plan |= plan.is_some();
         plan.iter().for_each(|plan| send(Message::Plan(plan)));
     };
-    tell(report(&task, &timing, &first));
+    send_plan(report(&task, &timing, &first));
     estimate(&mut task, &mut timing);
-    let effort = Effort { first: work, better: if options.anytime { u64::MAX } else { HASTE } };
+    let limits = WorkLimits { first: work, better: if options.anytime { u64::MAX } else { HASTE } };
     let end = timing.schedule(&first).map(|(_, end)| end);
-    hasten(&task, &timing, end, effort, memory, &mut |steps| tell(report(&task, &timing, steps)));
+    hasten(&task, &timing, end, limits, memory, &mut |steps| send_plan(report(&task, &timing, steps)));
     has_plan
 }
 
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn an_action_that_another_one_has_to_be_within_is_left_to_the_engine() {
+    fn an_action_that_another_one_has_to_be_within_is_left_to_ferroplan() {
         // There is light only while a match burns.
         let domain =
             "(define (domain cellar) (:requirements :strips :durative-actions) (:predicates (light) (dark) (fixed))
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_metric_other_than_time_is_left_to_the_engine() {
+    fn a_metric_other_than_time_is_left_to_ferroplan() {
         assert_eq!(rovers(20.0, "(:metric minimize (used))").len(), 0);
     }
 
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_an_action_changes_and_reads_later_are_left_to_the_engine() {
+    fn numbers_that_an_action_changes_and_reads_later_are_left_to_ferroplan() {
         let draw = "(at start (decrease (litres) 1))";
         assert_eq!(tank(5, "(over all (>= (litres) 0))", draw), None);
         assert_eq!(tank(5, "(at end (>= (litres) 0))", draw), None);

@@ -10,7 +10,7 @@ use super::job::Job;
 use super::server::Server;
 
 /// What the writer works with.
-pub(super) struct Desk<'d> {
+pub(super) struct WriterContext<'d> {
     pub(super) server: &'d Arc<Server>,
     pub(super) jobs: &'d Receiver<Job>,
     /// Jobs that came while others were done.
@@ -18,7 +18,7 @@ pub(super) struct Desk<'d> {
     pub(super) memory: &'d Lazy,
 }
 
-impl Desk<'_> {
+impl WriterContext<'_> {
     /// The next job, those that waited first.
     pub(super) fn next(&mut self, limit: Duration) -> Option<Job> {
         self.waiting.pop_front().or_else(|| self.arriving(limit))
