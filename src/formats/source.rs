@@ -10,6 +10,7 @@ pub struct Source {
     pub(super) name: Arc<str>,
     text: Arc<str>,
     first_line: usize,
+    first_column: usize,
 }
 
 impl Source {
@@ -20,7 +21,13 @@ impl Source {
 
     /// Names `text`, a part of a longer one, whose first line is number `first_line` there.
     pub fn starting_at(name: impl Into<Arc<str>>, text: impl Into<Arc<str>>, first_line: usize) -> Self {
-        Self { name: name.into(), text: text.into(), first_line }
+        Self { name: name.into(), text: text.into(), first_line, first_column: 1 }
+    }
+
+    /// The same text, where it begins in the column `first_column` of its first line.
+    #[must_use]
+    pub fn in_column(self, first_column: usize) -> Self {
+        Self { first_column, ..self }
     }
 
     /// The name messages use.
@@ -50,8 +57,10 @@ impl Source {
         }
         let before = &self.text[..offset];
         let line = memchr::memchr_iter(b'\n', before.as_bytes()).count() + self.first_line;
-        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
-        (line, before[start..].chars().count() + 1)
+        match before.rfind('\n') {
+            Some(newline) => (line, before[newline + 1..].chars().count() + 1),
+            None => (line, before.chars().count() + self.first_column),
+        }
     }
 }
 

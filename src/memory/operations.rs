@@ -81,11 +81,20 @@ impl Memory {
 
     /// Stores documents; see [`Store::insert`].
     pub fn insert(&self, ns: &Namespace, mut documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        self.check_kept(ns, &documents)?;
-        let now = self.clock.now();
-        for document in &mut documents {
-            metadata::insert(document, now)?;
-        }
+        let (now, count) = (self.clock.now(), documents.len());
+        let prepare = |document: &mut Document| -> Result<(), StoreError> {
+            self.check_kept(ns, std::slice::from_ref(document))?;
+            Ok(metadata::insert(document, now)?)
+        };
+        let refused =
+            documents.iter_mut().enumerate().find_map(|(nth, document)| Some((nth, prepare(document).err()?)));
+        let Some((acceptable, refusal)) = refused else { return self.insert_checked(ns, documents) };
+        documents.truncate(acceptable);
+        let stored = if documents.is_empty() { Vec::new() } else { self.insert_checked(ns, documents)?.ids };
+        Err(refusal.stopped(stored, count))
+    }
+
+    fn insert_checked(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
         self.journal
             .note(
                 "insert",

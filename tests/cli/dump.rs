@@ -24,6 +24,23 @@ fn a_folder_is_laid_out_as_mongodump_does() {
 }
 
 #[test]
+fn a_key_of_extended_json_is_no_key_in_a_world_file() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "{_id: 1, at: [{}]}"]).success();
+    let field = "{$setField: {field: {$literal: '$date'}, input: {}, value: '2020-01-01T00:00:00Z'}}";
+    lab.rmem(&["update", "a.b", "{_id: 1}", &format!("[{{$set: {{at: [{field}]}}}}]")]).success();
+    assert_run!(lab.rmem(&["dump", "a.b", "-o", "world.json"]), @r"
+    ------- stderr -------
+    error: a.b: the document with _id 1 has the key `$date`, by which a world file says the type of a value; dump into a folder or an archive, which hold BSON
+    [exit code: 3]
+    ");
+    assert!(!lab.path().join("world.json").exists());
+    lab.rmem(&["dump", "a.b", "-o", "folder"]).success();
+    lab.rmem(&["--memory", "file:copy.rmem", "restore", "folder"]).success();
+    lab.rmem(&["diff", "file:robot.rmem", "file:copy.rmem"]).success();
+}
+
+#[test]
 fn a_dump_never_overwrites_a_folder() {
     let lab = dumped(&[]);
     assert_run!(lab.rmem(&["dump", "robmem.blocks", "-o", "dump"]), @r"

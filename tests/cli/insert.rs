@@ -182,6 +182,20 @@ fn what_stands_before_a_mistake_in_yaml_or_csv_is_stored() {
 }
 
 #[test]
+fn what_stands_before_wrong_metadata_is_stored() {
+    let lab = Lab::new();
+    let wrong = "{_id: 3, _robmem_info: {decay_time: 'x'}}";
+    let valid = "{_id: 2, _robmem_info: {persistent: false}}";
+    let refused = lab.rmem(&["insert", "robmem.objects", "-q", "{_id: 1}", valid, wrong, "{_id: 4}"]).exits(3);
+    assert_eq!(refused.stdout, "1\n2\n");
+    assert!(refused.stderr.contains("_robmem_info.decay_time has to be a date"), "{refused}");
+    let lines: String = (5..15).map(|n| format!("{{_id: {n}}}\n")).collect();
+    let lines = lines.replace("{_id: 11}", "{_id: 11, _robmem_info: {persistent: 1}}");
+    assert_eq!(lab.rmem_with(&["insert", "robmem.objects", "-q"], &lines).exits(3).stdout, "5\n6\n7\n8\n9\n10\n");
+    assert_eq!(lab.rmem(&["count", "robmem.objects"]).success(), "8\n");
+}
+
+#[test]
 fn a_regular_expression_of_extended_json_1_is_stored_as_one() {
     let lab = Lab::new();
     lab.rmem(&["insert", "robmem.rules", r#"{_id: 1, "match": {"$regex": "^a", "$options": "i"}}"#]).success();

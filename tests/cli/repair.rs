@@ -48,6 +48,31 @@ fn repair_copies_what_can_be_read() {
 }
 
 #[test]
+fn a_damaged_document_stops_the_repair_in_place_also_without_an_index() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "[{_id: 1, n: 1}, {_id: 2, n: 2}, {_id: 3, n: 3}]"]).success();
+    sql(&lab, "robot.rmem", DAMAGE);
+    let refused = lab.rmem(&["repair"]).exits(4);
+    assert!(refused.stderr.contains("the document with _id 2"), "{refused}");
+}
+
+#[test]
+fn repair_copies_what_is_left_of_a_file_without_its_end() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let lines: String = (0..2_000).map(|n| format!("{{_id: {n}, pad: '{}'}}\n", "x".repeat(200))).collect();
+    lab.rmem_with(&["insert", "a.b"], &lines).success();
+    let file = std::fs::File::options().write(true).open(lab.path().join("robot.rmem")).unwrap();
+    let length = file.metadata().unwrap().len();
+    for (percent, saved) in [(95, "a.rmem"), (70, "b.rmem")] {
+        file.set_len(length * percent / 100).unwrap();
+        lab.rmem(&["repair", "-o", saved]).exits(1);
+        let count = lab.rmem(&["--memory", &format!("file:{saved}"), "count", "a.b"]).success();
+        let count: u64 = count.trim().parse().unwrap();
+        assert!(count > 20 * percent - 200, "{percent}: {count}");
+    }
+}
+
+#[test]
 fn repair_reads_around_damaged_pages() {
     let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
     let lines: String = (0..2_000).map(|n| format!("{{_id: {n}, pad: '{}'}}\n", "x".repeat(200))).collect();

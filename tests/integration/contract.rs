@@ -87,6 +87,7 @@ const CASES: &[(&str, Case)] = cases![
     an_index_of_places_refuses_what_is_none,
     the_first_document_that_decays_makes_the_index_for_it,
     an_update_that_lets_a_document_decay_makes_the_index_too,
+    a_decayed_document_takes_no_key,
     an_expression_sees_the_stored_documents_whatever_their_metadata_is,
 ];
 
@@ -1237,6 +1238,24 @@ fn an_expression_sees_the_stored_documents_whatever_their_metadata_is(store: &dy
         let matches = store.aggregate(ns, (&stages[..]).into()).unwrap();
         assert_eq!(matches.map(Result::unwrap).count(), expected.len());
     }
+}
+
+fn a_decayed_document_takes_no_key(store: &dyn Store, ns: &Namespace) {
+    store.create_index(ns, &Index { unique: true, ..Index::on(doc! { "n": 1 }) }).unwrap();
+    let decayed = |n: i32| doc! { "_id": n, "n": n, "_robmem_info": { "decay_time": instant(0) } };
+    insert(store, ns, [decayed(1), decayed(2), doc! { "_id": 3, "n": 3 }]);
+    // The first and the last are new, and the one between is in the place of what decayed.
+    insert(store, ns, [doc! { "_id": 0, "n": 0 }, doc! { "_id": 1, "n": 4 }, doc! { "_id": 5, "n": 5 }]);
+    insert(store, ns, [decayed(6)]);
+    let mut request = update(doc! { "_id": 6 }, doc! { "$set": { "n": 6 } });
+    request.filter.extend(doc! { "_robmem_info.decay_time": { "$exists": false } });
+    request.upsert = true;
+    store.update(ns, &request, None).unwrap();
+    let mut there = ids(store, ns, doc! { "_robmem_info.decay_time": { "$exists": false } });
+    there.sort_unstable();
+    assert_eq!(there, [0, 1, 3, 5, 6]);
+    let taken = store.insert(ns, vec![doc! { "_id": 7 }, doc! { "_id": 3 }, doc! { "_id": 8 }]).unwrap_err();
+    assert_eq!(taken.stored(), [7.into()]);
 }
 
 fn an_update_that_lets_a_document_decay_makes_the_index_too(store: &dyn Store, ns: &Namespace) {

@@ -37,6 +37,25 @@ pub(super) fn unwrap(document: Document) -> Result<Bson, String> {
     value(&wrapper, &document).ok_or_else(|| format!("`{wrapper}` takes {}", shape(&wrapper)))
 }
 
+/// A key of a document, or of one in it, that Extended JSON uses: what is written of the document is read as another value,
+/// or not at all.
+#[must_use]
+pub fn ambiguous_key(document: &Document) -> Option<&str> {
+    document.iter().find_map(|(key, value)| match WRAPPERS.contains(&key.as_str()) {
+        true => Some(key.as_str()),
+        false => ambiguous_in(value),
+    })
+}
+
+fn ambiguous_in(value: &Bson) -> Option<&str> {
+    match value {
+        Bson::Document(document) => ambiguous_key(document),
+        Bson::Array(values) => values.iter().find_map(ambiguous_in),
+        Bson::JavaScriptCodeWithScope(code) => ambiguous_key(&code.scope),
+        _ => None,
+    }
+}
+
 fn shape(wrapper: &str) -> &'static str {
     match wrapper {
         "$oid" => "a string of 24 hexadecimal digits, alone: {\"$oid\": \"…\"}",

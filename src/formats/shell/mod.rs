@@ -48,6 +48,7 @@ pub fn parse_date(text: &str) -> Option<i64> {
     date::parse(text)
 }
 
+pub use extended::ambiguous_key;
 pub use legacy::{with_regexes, with_regexes_in_arrays};
 pub use reader::{parse_document, parse_document_in, parse_documents, parse_pipeline, parse_pipeline_in, parse_value};
 pub use scanner::MAX_DEPTH;

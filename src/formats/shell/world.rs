@@ -2,7 +2,7 @@
 //! values, read as a whole or piece by piece, for files larger than memory.
 
 use std::collections::VecDeque;
-use std::io::BufRead;
+use std::io::{BufRead, ErrorKind};
 use std::sync::Arc;
 
 use bson::Document;
@@ -15,6 +15,8 @@ use crate::formats::{Diagnostic, Source, Span};
 
 /// How many brackets are open between two documents.
 const BETWEEN: usize = 2;
+/// After how many bytes a long line is divided, behind a document.
+const PIECE: usize = 64 << 10;
 
 /// A namespace of a world file, or a document of the namespace before, with the text it is from.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,11 +46,13 @@ pub fn parse_world(source: &Source) -> Result<Vec<(String, Span, Vec<(Span, Docu
     Ok(world)
 }
 
-/// Reads a world file, holding only the lines of the current document.
+/// Reads a world file, holding only the lines of the current document; of a long line, a piece.
 pub struct WorldReader<'a, R> {
     name: Arc<str>,
     input: R,
     lines: usize,
+    /// How many characters of the current line were read.
+    column: usize,
     scanner: Scanner,
     progress: Progress,
     wanted: Box<dyn Fn(&str) -> bool + 'a>,
@@ -64,6 +68,7 @@ impl<'a, R: BufRead> WorldReader<'a, R> {
             name: name.into(),
             input,
             lines: 0,
+            column: 0,
             scanner: Scanner::new(),
             progress: Progress::default(),
             wanted: Box::new(wanted),
@@ -72,24 +77,34 @@ impl<'a, R: BufRead> WorldReader<'a, R> {
         }
     }
 
-    /// Whole lines, up to one that ends between documents; `None` at the end.
+    /// Whole lines, up to one that ends between documents, or the piece of a line; `None` at the end.
     fn chunk(&mut self) -> Result<Option<Vec<u8>>, ReadError> {
         let mut bytes = Vec::new();
         loop {
-            let start = bytes.len();
-            let read = self.input.read_until(b'\n', &mut bytes);
-            if read.map_err(|error| ReadError::Io { name: self.name.to_string(), error })? == 0 {
+            let buffer = match self.input.fill_buf() {
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                read => read.map_err(|error| ReadError::Io { name: self.name.to_string(), error })?,
+            };
+            if buffer.is_empty() {
                 break;
             }
-            self.lines += 1;
-            let mut offset = start;
-            while let Some(byte) = bytes.get(offset) {
+            let line = memchr::memchr(b'\n', buffer).map_or(buffer, |newline| &buffer[..=newline]);
+            let mut offset = 0;
+            let mut is_divided = false;
+            while let (Some(byte), false) = (line.get(offset), is_divided) {
                 self.scanner.step(*byte);
                 offset += 1;
-                offset += self.scanner.idle(bytes.get(offset..).unwrap_or_default());
+                offset += self.scanner.idle(line.get(offset..).unwrap_or_default());
+                let is_between = *byte == b'}' && self.scanner.depth() == BETWEEN && self.scanner.in_code();
+                is_divided = is_between && bytes.len() + offset >= PIECE;
             }
+            let is_line = line.get(offset - 1) == Some(&b'\n');
+            bytes.extend_from_slice(&line[..offset]);
+            self.input.consume(offset);
+            self.lines += usize::from(is_line);
             let depth = self.scanner.depth();
-            if depth > BETWEEN + MAX_DEPTH || (self.scanner.in_code() && depth <= BETWEEN) {
+            let is_whole = depth > BETWEEN + MAX_DEPTH || (self.scanner.in_code() && depth <= BETWEEN);
+            if is_divided || (is_line && is_whole) {
                 break;
             }
         }
@@ -102,7 +117,11 @@ impl<'a, R: BufRead> WorldReader<'a, R> {
         let chunk = self.chunk()?;
         let is_end = chunk.is_none();
         let text = decode(&self.name, chunk.unwrap_or_default(), first_line)?;
-        let source = Source::starting_at(Arc::clone(&self.name), text, first_line);
+        let source = Source::starting_at(Arc::clone(&self.name), text, first_line).in_column(self.column + 1);
+        self.column = match source.text().ends_with('\n') {
+            true => 0,
+            false => source.position(source.text().len()).1 - 1,
+        };
         if is_end {
             self.progress.end(&source)?;
             return Ok(false);
@@ -278,6 +297,30 @@ mod tests {
                 .filter(|item| *item != "no.no")
                 .collect();
             assert_eq!(found, wanted, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_long_line_is_read_in_pieces_with_the_places_of_the_whole() {
+        let documents: Vec<String> = (0..20_000).map(|n| format!("{{n: {n}, é: '}}]\\\'{{'}}")).collect();
+        let text = format!("\n{{'a.b': [{}], 'c.d': [{{x: 3}}]}}", documents.join(","));
+        assert!(text.len() > 5 * PIECE);
+        let place = |part: &str| text[1..text.find(part).unwrap()].chars().count() + 1;
+        let found = items(&text);
+        assert_eq!(found.len(), 20_003);
+        for n in [0, 1, 3_000, 19_999] {
+            let place = place(&format!("{{n: {n},"));
+            assert_eq!(found[n + 1], format!("2:{place} {{\"n\":{n},\"é\":\"}}]'{{\"}}"));
+        }
+        let wrong = text.replace("{n: 15000,", "{n: o,");
+        let place = wrong[1..wrong.find("o,").unwrap()].chars().count() + 1;
+        let found = items(&wrong).into_iter().find(|item| item.starts_with("in:")).unwrap_or_default();
+        assert!(found.starts_with(&format!("in:2:{place}: expected a value")), "{found}");
+        // However much the input gives at a time.
+        let whole = WorldReader::new("in", text.as_bytes(), |_| true).map(Result::unwrap).count();
+        for size in [1, 7, 4096] {
+            let input = std::io::BufReader::with_capacity(size, text.as_bytes());
+            assert_eq!(WorldReader::new("in", input, |_| true).map(Result::unwrap).count(), whole);
         }
     }
 

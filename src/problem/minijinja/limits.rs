@@ -1,4 +1,6 @@
-//! Filters of minijinja whose result could be larger than any memory, each with a bound.
+//! What a template makes could be larger than any memory: filters of minijinja, and the text itself, each with a bound.
+
+use std::io;
 
 use minijinja::value::Rest;
 use minijinja::{Environment, Error, ErrorKind, State, Value, filters};
@@ -9,6 +11,47 @@ pub(super) const FUEL: u64 = 500_000_000;
 const MAX: i64 = 100_000;
 /// The longest text that `replace` makes, in bytes.
 const MAX_TEXT: usize = 64 << 20;
+
+/// The longest text of a template that is held, in bytes, with what notes where its parts come from.
+const MAX_RENDERED: usize = 512 << 20;
+
+/// The text of a template, of so many bytes at most.
+#[derive(Debug)]
+pub(super) struct Rendered {
+    bytes: Vec<u8>,
+    most: usize,
+}
+
+impl Default for Rendered {
+    fn default() -> Self {
+        Self { bytes: Vec::new(), most: MAX_RENDERED }
+    }
+}
+
+impl Rendered {
+    /// The text.
+    ///
+    /// # Errors
+    /// Where it is no UTF-8, which no template makes.
+    pub(super) fn into_text(self) -> Result<String, Error> {
+        String::from_utf8(self.bytes)
+            .map_err(|error| Error::new(ErrorKind::WriteFailure, "the text is not UTF-8").with_source(error))
+    }
+}
+
+impl io::Write for Rendered {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.bytes.len() + bytes.len() > self.most {
+            return Err(io::Error::other(format!("the template writes more than {} MiB of text", self.most >> 20)));
+        }
+        self.bytes.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
 
 /// What is wrong with the arguments of a filter, its value the first.
 type Check = fn(&[Value]) -> Result<(), String>;
@@ -68,5 +111,27 @@ pub(super) fn replacing(whole: &str, old: &str, new: &str) -> Result<(), Error> 
             Err(Error::new(ErrorKind::InvalidOperation, message))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use minijinja::Environment;
+
+    use super::*;
+
+    #[test]
+    fn a_text_that_is_too_long_ends_the_rendering() {
+        let environment = Environment::new();
+        let template = environment.template_from_str("{% for n in range(1000) %}0123456789{% endfor %}").unwrap();
+        let mut whole = Rendered { bytes: Vec::new(), most: 10_000 };
+        template.render_captured_to((), &mut whole).unwrap();
+        assert_eq!(whole.into_text().unwrap().len(), 10_000);
+        let mut part = Rendered { bytes: Vec::new(), most: 9_999 };
+        let error = template.render_captured_to((), &mut part).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::WriteFailure);
+        let source = std::error::Error::source(&error).unwrap().to_string();
+        assert_eq!(source, "the template writes more than 0 MiB of text");
+        assert!(part.bytes.len() < 10_000);
     }
 }

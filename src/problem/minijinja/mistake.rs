@@ -96,6 +96,8 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         ErrorKind::TemplateNotFound => {
             "there is no such template; one that is included is named in quotes, in the tag itself".to_owned()
         }
+        ErrorKind::WriteFailure => std::error::Error::source(innermost)
+            .map_or_else(|| "the text cannot be written".to_owned(), ToString::to_string),
         ErrorKind::OutOfFuel => "the template does not come to an end".to_owned(),
         ErrorKind::UnknownFilter if detail.contains("safe") => {
             "there is no filter `safe`: values are always names or numbers".to_owned()

@@ -272,7 +272,11 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     let variables = Value::from_object(variables);
     match &context.direct {
         Some(direct) => template.render_captured_to(variables, Sink(Arc::clone(direct))).map(|_| String::new()),
-        None => template.render(variables),
+        None => {
+            let mut text = limits::Rendered::default();
+            template.render_captured_to(variables, &mut text)?;
+            text.into_text()
+        }
     }
 }
 

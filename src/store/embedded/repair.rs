@@ -4,13 +4,16 @@
 //! can be read is copied, with the indexes, the names of watches and the log of changes.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use bson::Document;
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::place::Place;
+use super::scan::Scan;
 use super::{Embedded, body, failure, history};
-use crate::query::QueryError;
+use crate::query::{Filter, QueryError};
 use crate::store::{Index, Namespace, StoreError, document, index};
 
 /// What a repair did.
@@ -42,7 +45,9 @@ impl Embedded {
                 let reindex = format!("REINDEX {}", collection.table());
                 self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
                 done.collections += 1;
-                done.documents += collection.size(&self.connection).map_err(|e| self.explain(&e))?;
+                // An index needs not be read from the documents; each of them is, so that a damaged one is found.
+                let mut all = Arc::new(Filter::parse(&Document::new())?);
+                done.documents += Scan::new(self, collection, &mut all)?.count()?;
                 done.indexes += self.refill_indexes(&ns, collection)?;
             }
             Ok(done)
@@ -63,6 +68,8 @@ impl Embedded {
         let flags =
             OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_EXRESCODE;
         let source = Connection::open_with_flags(from, flags).map_err(explain)?;
+        // Else SQLite refuses a file that has lost its end.
+        source.pragma_update(None, "writable_schema", "ON").map_err(explain)?;
         let collections = collections(&source).map_err(explain)?;
         let target = Self::open(to)?;
         let mut done = Repaired::default();

@@ -2,7 +2,7 @@
 
 use std::sync::PoisonError;
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, DateTime, Document, doc};
 use mongodb::error::{Error, ErrorKind};
 
 use super::{MongoDb, failure};
@@ -63,6 +63,16 @@ impl MongoDb {
             Err(error) if [NAMESPACE_NOT_FOUND, INDEX_NOT_FOUND].contains(&code(&error)) => Ok(false),
             Err(error) => Err(self.explain(&error)),
         }
+    }
+
+    /// Removes what has decayed and the server has not removed yet, so that its keys are free; returns whether there was any.
+    pub(super) fn remove_decayed(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        if !self.list_indexes(ns)?.contains(&Index::of_decay()) {
+            return Ok(false);
+        }
+        let decayed = doc! { metadata::DECAY_PATH: { "$lte": DateTime::now() } };
+        let removed = self.collection(ns).delete_many(decayed).run();
+        removed.map(|removed| removed.deleted_count > 0).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
     pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {

@@ -242,6 +242,16 @@ fn with_metadata(documents: &[Document], timestamp: Option<DateTime>) -> Result<
 
 impl MongoDb {
     pub(super) fn insert_all(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
+        self.insert_with_room(ns, documents, &|| self.remove_decayed(ns))
+    }
+
+    /// Inserts documents. Where a key is taken, goes on if `make_room` removed something.
+    fn insert_with_room(
+        &self,
+        ns: &Namespace,
+        documents: Vec<Document>,
+        make_room: &dyn Fn() -> Result<bool, StoreError>,
+    ) -> Result<Inserted, StoreError> {
         self.expect_decay(ns, documents.iter())?;
         let count = documents.len();
         let (mut ids, mut bodies, mut refusal) = (Vec::with_capacity(count), Vec::with_capacity(count), None);
@@ -257,11 +267,18 @@ impl MongoDb {
                 }
             }
         }
-        if !bodies.is_empty() {
-            self.collection(ns)
-                .insert_many(bodies)
-                .run()
-                .map_err(|e| failure::explain_insert(&self.address, ns, &ids, &e))?;
+        let mut stored = 0;
+        while stored < bodies.len() {
+            let inserted = self.collection(ns).insert_many(&bodies[stored..]).run();
+            let Err(error) = inserted.map_err(|e| failure::explain_insert(&self.address, ns, &ids[stored..], &e))
+            else {
+                break;
+            };
+            let more = error.stored().len();
+            if !matches!(error, StoreError::Duplicate { .. }) || !make_room()? {
+                return Err(error.behind(&ids[..stored]));
+            }
+            stored += more;
         }
         match refusal {
             None => Ok(Inserted { ids }),
@@ -281,7 +298,11 @@ impl MongoDb {
         };
         let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
         while !rest.is_empty() {
-            let inserted = match self.insert(ns, with_metadata(&rest, timestamp)?) {
+            let documents = with_metadata(&rest, timestamp)?;
+            let made = |inserted: &Inserted| Made::inserts(&inserted.ids);
+            // A document whose `_id` is taken is replaced, decayed or not.
+            let insert = || self.insert_with_room(ns, documents, &|| Ok(false));
+            let inserted = match self.recorded(ns, made, insert) {
                 Ok(inserted) => inserted.ids.len(),
                 Err(StoreError::Duplicate { stored, .. }) => stored.len(),
                 Err(error) => return Err(error),
@@ -313,9 +334,13 @@ impl MongoDb {
             UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
             UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
         }
-        match timestamp {
+        let change = || match timestamp {
             Some(at) => self.update_with_metadata(ns, update, at),
             None => self.apply(ns, update),
+        };
+        match change() {
+            Err(StoreError::Duplicate { .. }) if self.remove_decayed(ns)? => change(),
+            changed => changed,
         }
     }
 

@@ -16,6 +16,19 @@ pub enum WorldDumpError {
     /// The store fails.
     #[error("{0}")]
     Store(#[from] StoreError),
+    /// A document has a key that Extended JSON uses.
+    #[error(
+        "{namespace}: the document with _id {id} has the key `{key}`, by which a world file says the type of a value; \
+         dump into a folder or an archive, which hold BSON"
+    )]
+    Ambiguous {
+        /// The collection.
+        namespace: Namespace,
+        /// The `_id` of the document.
+        id: String,
+        /// The key.
+        key: String,
+    },
     /// What it is written to fails.
     #[error("{0}")]
     Write(#[from] io::Error),
@@ -25,6 +38,7 @@ impl AtFault for WorldDumpError {
     fn fault(&self) -> Fault {
         match self {
             Self::Store(error) => error.fault(),
+            Self::Ambiguous { .. } => Fault::Input,
             Self::Write(error) => error.fault(),
         }
     }
@@ -73,6 +87,10 @@ fn write_documents(
         let mut document =
             Document::try_from(&*document?).map_err(|error| StoreError::from(QueryError::from(error)))?;
         metadata::forget_dates(&mut document);
+        if let Some(key) = shell::ambiguous_key(&document) {
+            let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
+            return Err(WorldDumpError::Ambiguous { namespace: ns.clone(), id, key: key.to_owned() });
+        }
         text.push_str(if count == 0 { "\n    " } else { ",\n    " });
         shell::write_relaxed(&faithful(Bson::Document(document)), text);
         count += 1;
