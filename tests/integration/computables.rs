@@ -56,6 +56,7 @@ const CASES: &[(&str, Case)] = cases![
     poses_are_given_in_other_frames,
     frames_that_are_no_tree_are_an_error,
     the_nearest_come_first,
+    the_nearest_of_thousands_are_the_first_of_those_as_near,
     the_nearest_in_another_frame,
 ];
 
@@ -845,6 +846,20 @@ fn the_nearest_come_first(lab: &Lab) {
     assert_eq!(ask(doc! { "nearest_to": [9, 4, 0], "limit": 1 }), [("far".into(), 4.0)]);
     let error = fails(&memory, &lab.ns("x"), doc! { "nearest_to": "here" });
     assert!(error.contains("`near`") && error.contains("has to be a point"), "{error}");
+}
+
+fn the_nearest_of_thousands_are_the_first_of_those_as_near(lab: &Lab) {
+    let memory = lab.memory(vec![nearest(lab)]);
+    // Ten rings, from far to near, in turn.
+    let at = |n: i32| doc! { "object": n, "translation": [10 - n % 10, 0, 0] };
+    memory.insert(&lab.ns("x"), (0..5_000).map(at).collect()).unwrap();
+    let ask = |limit: i32| -> Vec<i32> {
+        let found = all(&memory, &lab.ns("x"), doc! { "nearest_to": [0, 0, 0], "limit": limit });
+        found.iter().map(|found| found.get_i32("object").unwrap()).collect()
+    };
+    assert_eq!(ask(3), [9, 19, 29]);
+    let nearest: Vec<i32> = [9, 8].iter().flat_map(|ring| (0..500).map(move |n| 10 * n + ring)).take(600).collect();
+    assert_eq!(ask(600), nearest);
 }
 
 fn the_nearest_in_another_frame(lab: &Lab) {

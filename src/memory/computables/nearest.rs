@@ -7,16 +7,20 @@
 //! `[x, y]` or `{x, y, z}`; of a point with two coordinates, distance is in the
 //! plane. Positions are compared as they are: ask for one frame.
 
-use bson::{Bson, Document, doc};
+use bson::raw::RawBsonRef;
+use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::body::{Asked, Body, Builtin, ComputeError, Options, WrongOption};
 use crate::formats::scene::document::finite as number;
 use crate::formats::shell;
 use crate::query::QueryError;
-use crate::store::{Find, Namespace};
+use crate::store::{Find, Namespace, StoreError};
 
 /// The keys of the query that are parameters.
 const OWN: [&str; 4] = ["nearest_to", "limit", "max_distance", "distance"];
+
+/// How many documents are held beside those that are asked for.
+const HELD: usize = 1_000;
 
 /// The builtin body. `position` is the dotted key of the position (default: `translation`).
 pub(super) const BUILTIN: Builtin = Builtin { name: "nearest", keys: &["position"], make };
@@ -47,19 +51,27 @@ impl Body for Nearest {
         let mut filter = doc! { "$nor": [{ "nearest_to": { "$exists": true } }] };
         let rest = asked.query.iter().filter(|(key, _)| !OWN.contains(&key.as_str()));
         filter.extend(rest.map(|(key, value)| (key.clone(), value.clone())));
-        let mut near = Vec::new();
+        let mut near: Vec<(f64, RawDocumentBuf)> = Vec::new();
+        let keep_nearest = |near: &mut Vec<(f64, RawDocumentBuf)>| {
+            // Of those at one distance, the first ones: the sort is stable.
+            near.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            near.truncate(wanted.limit);
+        };
         for document in asked.memory.find(asked.namespace, &Find { filter, ..Find::default() })? {
-            let document =
-                Document::try_from(&*document?).map_err(QueryError::from).map_err(crate::store::StoreError::from)?;
-            let Some(position) = lookup(&document, &self.position) else { continue };
-            let distance = distance(position, &wanted.point).ok_or_else(|| self.wrong(&document, &wanted))?;
+            let document = document?;
+            let Some(position) = lookup(&document, &self.position).map_err(damaged)? else { continue };
+            let Some(distance) = distance(&position, &wanted.point) else {
+                return Err(self.wrong(&decoded(&document)?, &wanted));
+            };
             if distance <= wanted.max_distance {
                 near.push((distance, document));
             }
+            if near.len() / 2 > wanted.limit.saturating_add(HELD) {
+                keep_nearest(&mut near);
+            }
         }
-        near.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        near.truncate(wanted.limit);
-        Ok(near.into_iter().map(|(distance, document)| answer(document, distance, asked.query)).collect())
+        keep_nearest(&mut near);
+        near.iter().map(|(distance, document)| Ok(answer(decoded(document)?, *distance, asked.query))).collect()
     }
 
     fn sources(&self, asked: &Namespace) -> Vec<Namespace> {
@@ -115,13 +127,21 @@ fn answer(mut document: Document, distance: f64, query: &Document) -> Document {
     document
 }
 
-fn lookup<'a>(document: &'a Document, path: &str) -> Option<&'a Bson> {
+fn lookup(document: &RawDocument, path: &str) -> Result<Option<Bson>, bson::error::Error> {
     let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));
-    let value = document.get(first)?;
-    match rest {
-        None => Some(value),
-        Some(rest) => lookup(value.as_document()?, rest),
+    match (document.get(first)?, rest) {
+        (Some(value), None) => Ok(Some(Bson::try_from(value)?)),
+        (Some(RawBsonRef::Document(inner)), Some(rest)) => lookup(inner, rest),
+        _ => Ok(None),
     }
+}
+
+fn decoded(document: &RawDocument) -> Result<Document, StoreError> {
+    Document::try_from(document).map_err(damaged)
+}
+
+fn damaged(error: bson::error::Error) -> StoreError {
+    QueryError::from(error).into()
 }
 
 /// The distance of a position to a point, in as many dimensions as the point has.
