@@ -49,7 +49,14 @@ pub fn command() -> clap::Command {
 /// # Errors
 /// Where it is wrong; also for `--help` and `--version`, with their text.
 pub fn parse(args: impl IntoIterator<Item = OsString>, database: impl FnOnce() -> String) -> Result<Cli, Error> {
-    let args: Vec<OsString> = args.into_iter().collect();
+    let mut args: Vec<OsString> = args.into_iter().collect();
+    // clap's own command takes no options.
+    if let [_, command, option] = args.as_mut_slice()
+        && command == "help"
+        && (option == "--help" || option == "-h")
+    {
+        *option = "help".into();
+    }
     let mut plain = with_formats(named(&args));
     let (command, matches) = match plain.try_get_matches_from_mut(&args) {
         Ok(matches) => (plain, matches),

@@ -150,6 +150,36 @@ mod tests {
         }
     }
 
+    /// What a shell would put a variable or a program's output in the place of.
+    fn expansions(text: &str) -> Vec<&str> {
+        let (mut quote, mut is_escaped, mut found) = (None, false, Vec::new());
+        for (at, c) in text.char_indices() {
+            match c {
+                _ if is_escaped => is_escaped = false,
+                '\\' if quote != Some('\'') => is_escaped = true,
+                '\'' | '"' if quote.is_none() => quote = Some(c),
+                c if quote == Some(c) => quote = None,
+                '$' | '`' if quote != Some('\'') => found.push(&text[at..]),
+                _ => {}
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn examples_can_be_pasted_into_a_shell() {
+        for command in all(&crate::cli::command()) {
+            let Some(help) = command.get_after_help().map(ToString::to_string) else { continue };
+            for paragraph in help.split("\n\n").filter(|paragraph| paragraph.starts_with("Example")) {
+                let name = command.get_name();
+                assert_eq!(expansions(paragraph), [""; 0], "{name}");
+                for line in paragraph.lines() {
+                    assert!(line.chars().count() <= 100, "{name}, wrapped: {line}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn the_list_of_commands_fits_80_columns() {
         let command = crate::cli::command();

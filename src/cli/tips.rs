@@ -1,6 +1,7 @@
 //! Commands that a word of another tool stands for.
 
 use std::ffi::OsString;
+use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -53,10 +54,13 @@ const TIP_OF_USE: &str = "a collection is named with its database, as in 'rmem q
 /// Adds a tip to the error of the command line `args`: for an unknown command, or for a line of mongosh, where `db` is
 /// `database`.
 pub(super) fn with_tip(mut error: Error, args: &[OsString], database: &str) -> Error {
+    if let Some(error) = with_number(&error) {
+        return error;
+    }
     let (kind, value) = match error.kind() {
         ErrorKind::InvalidSubcommand => (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
         ErrorKind::ValueValidation => (ContextKind::InvalidValue, ContextKind::SuggestedValue),
-        ErrorKind::UnknownArgument => return with_option(error),
+        ErrorKind::UnknownArgument => return with_option(error, args),
         ErrorKind::MissingRequiredArgument => return with_missing(error),
         _ => return error,
     };
@@ -75,16 +79,37 @@ pub(super) fn with_tip(mut error: Error, args: &[OsString], database: &str) -> E
     let files = || is_command.then(|| of_domain(word, args, &error)).flatten();
     let documents = || is_command.then(|| of_namespace(word, &error)).flatten();
     let known = || known().map(|(_, tip)| (*tip).to_owned());
-    let number = std::error::Error::source(&error).is_some_and(|source| source.is::<std::num::ParseIntError>());
-    let number = || number.then(|| "expected a whole number, like 10".to_owned());
     let first = || (!is_command && is_of_namespace(&error)).then(|| collection_first(word)).flatten();
-    if let Some(tip) =
-        feature.or(tip).or_else(known).or_else(method).or_else(files).or_else(documents).or_else(number).or_else(first)
-    {
+    if let Some(tip) = feature.or(tip).or_else(known).or_else(method).or_else(files).or_else(documents).or_else(first) {
         error.remove(value);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error
+}
+
+/// The error for a value that is no number, without the words of the reader of numbers.
+fn with_number(error: &Error) -> Option<Error> {
+    let source = std::error::Error::source(error)?;
+    let expected = match source.downcast_ref::<ParseIntError>().map(ParseIntError::kind) {
+        Some(IntErrorKind::PosOverflow | IntErrorKind::NegOverflow) => "the number is too large".to_owned(),
+        Some(_) => "expected a whole number, like 10".to_owned(),
+        None if source.is::<ParseFloatError>() => "expected a number, like 0.5".to_owned(),
+        None => of_range(&source.to_string())?,
+    };
+    let context = |kind| error.get(kind).map(ToString::to_string);
+    let (value, argument) = (context(ContextKind::InvalidValue)?, context(ContextKind::InvalidArg)?);
+    let message =
+        format!("invalid value '{value}' for '{argument}': {expected}\n\nFor more information, try '--help'.\n");
+    Some(Error::raw(ErrorKind::ValueValidation, message))
+}
+
+/// What is expected where a message says that a number `is not in 1..=100`, or in `1..` and the largest number.
+fn of_range(message: &str) -> Option<String> {
+    let (least, most) = message.split_once(" is not in ")?.1.split_once("..")?;
+    Some(match most.strip_prefix('=') {
+        Some(most) => format!("expected a whole number from {least} to {most}"),
+        None => format!("expected a whole number from {least} on"),
+    })
 }
 
 /// Whether the value is that of a collection.
@@ -130,7 +155,7 @@ const OPTIONS: [(&[&str], &str); 7] = [
 ];
 
 /// Adds a tip to the error for an argument that a command does not have.
-fn with_option(mut error: Error) -> Error {
+fn with_option(mut error: Error, args: &[OsString]) -> Error {
     let Some(ContextValue::String(argument)) = error.get(ContextKind::InvalidArg) else { return error };
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
     let is_of = |name: &str| usage.contains(&format!("rmem {name} "));
@@ -163,6 +188,12 @@ fn with_option(mut error: Error) -> Error {
         }
         "--explain" if is_of("plan") => {
             Some("'rmem gen-problem --explain ATOM' explains an atom, and 'rmem plan why' a plan".to_owned())
+        }
+        number if number.starts_with('-') && number.parse::<f64>().is_ok() => {
+            // Behind `--`, as clap proposes, it would be no value of the option.
+            let before = args.windows(2).find(|pair| pair[1] == number).and_then(|pair| pair[0].to_str());
+            let option = before.filter(|before| before.starts_with("--"));
+            option.map(|option| format!("'{option}' takes no negative number"))
         }
         _ => known().map(|(_, tip)| (*tip).to_owned()),
     };

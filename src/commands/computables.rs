@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, shell};
 use crate::memory::computables::{Check, Computable, Definition, Origin, Verdict, read};
-use crate::settings::read_kept;
+use crate::settings::{Settings, read_kept};
 use crate::store::Namespace;
 
 /// What stands below the help of `computables`.
@@ -42,6 +42,7 @@ pipeline = \"\"\"[
 /// List, check, add and remove computables
 #[derive(Debug, Args)]
 #[command(after_help = HELP, args_conflicts_with_subcommands = true)]
+#[command(arg = formats::argument(&formats::DOCUMENTS))]
 pub struct ComputablesArgs {
     /// What to do (default: list them).
     #[command(subcommand)]
@@ -76,8 +77,9 @@ pub struct ListArgs {}
 const ADD_HELP: &str = "\
 Examples:
   rmem computables add --file below.toml
-  rmem computables add \"{name: 'low', collection: 'robmem.blocks', spec: {relation: 'on-table'}, pipeline: [
-    {$match: {z: {$lt: 0.1}}}, {$project: {_id: 0, relation: 'on-table', object: '$block'}}]}\"
+  rmem computables add \"{name: 'low', collection: 'robmem.blocks', spec: {relation: 'on-table'},
+    pipeline: [{\\$match: {z: {\\$lt: 0.1}}},
+    {\\$project: {_id: 0, relation: 'on-table', object: '\\$block'}}]}\"
 
 Takes the keys of a [[computable]] table of rmem.toml: a TOML file has such tables, a document has the same keys (spec \
 and pipeline as documents, or as text). Prints the name of each. All are added or, after an error, none.
@@ -88,7 +90,7 @@ settings files: others write to the memory, and what they write must not run pro
 
 /// Keep computables in the memory
 #[derive(Debug, Args)]
-#[command(after_help = ADD_HELP, arg = formats::none())]
+#[command(after_help = ADD_HELP, arg = formats::argument(&formats::TEXT))]
 pub struct AddArgs {
     /// Computables as documents, in shell syntax or Extended JSON (-: from stdin)
     #[arg(value_name = "COMPUTABLE", required_unless_present = "file")]
@@ -107,7 +109,7 @@ Exits with 1 if the memory keeps none of that name.";
 
 /// Remove computables from the memory
 #[derive(Debug, Args)]
-#[command(after_help = REMOVE_HELP, arg = formats::none())]
+#[command(after_help = REMOVE_HELP, arg = formats::argument(&formats::TEXT))]
 pub struct RemoveArgs {
     /// Names of computables
     #[arg(value_name = "NAME", required = true, value_parser = NonEmptyStringValueParser::new())]
@@ -167,9 +169,8 @@ fn add(args: &AddArgs, context: &mut Context<'_>) -> Result<Exit> {
         );
     }
     context.memory_to_fill()?.keep_computables(&computables)?;
-    for name in computables.iter().filter_map(|definitions| definitions.first()).map(|first| &first.name) {
-        context.output.line(name)?;
-    }
+    let names = computables.iter().filter_map(|definitions| definitions.first()).map(|first| first.name.clone());
+    context.print_lines(names.map(|name| (name.clone(), name.into())))?;
     Ok(Exit::Done)
 }
 
@@ -183,30 +184,37 @@ fn documents(source: &Source) -> Result<Vec<Vec<Definition>>, Diagnostic> {
     computables.collect()
 }
 
-/// Removes computables from the memory.
+/// Removes computables from the memory, and prints the names of those that were there.
 fn remove(args: &RemoveArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
-    let mut exit = Exit::Done;
-    for name in &args.names {
-        if let Some((_, others)) = memory.forget_computable(name)? {
-            context.output.line(name)?;
-            for other in others {
-                context
-                    .output
-                    .note(&format!("{other} keeps another computable `{name}`; remove once more takes that away"));
+    let mut removed = Vec::new();
+    let result = args.names.iter().try_for_each(|name| -> Result<()> {
+        match memory.forget_computable(name)? {
+            Some((_, others)) => {
+                removed.push(name);
+                for other in others {
+                    let note = format!("{other} keeps another computable `{name}`; remove once more takes that away");
+                    context.output.note(&note);
+                }
             }
-            continue;
+            None => context.output.error(&unknown(name, &context.settings)),
         }
-        exit = Exit::No;
-        let declared = context.settings.computables.iter().find(|declared| declared.name == *name);
-        context.output.error(&match declared {
-            Some(declared) => {
-                format!("`{name}` is a computable of {}, not of the memory; remove it there", declared.origin)
-            }
-            None => format!("the memory keeps no computable `{name}`; `rmem computables` lists those there are"),
-        });
+        Ok(())
+    });
+    // What was removed before a failure is printed all the same.
+    context.print_lines(removed.iter().map(|name| ((*name).clone(), (*name).into())))?;
+    result?;
+    Ok(if removed.len() == args.names.len() { Exit::Done } else { Exit::No })
+}
+
+/// The message about a computable that the memory does not keep.
+fn unknown(name: &str, settings: &Settings) -> String {
+    match settings.computables.iter().find(|declared| declared.name == name) {
+        Some(declared) => {
+            format!("`{name}` is a computable of {}, not of the memory; remove it there", declared.origin)
+        }
+        None => format!("the memory keeps no computable `{name}`; `rmem computables` lists those there are"),
     }
-    Ok(exit)
 }
 
 /// A registered computable.

@@ -249,15 +249,17 @@ pub(super) fn memory_at(uri: &str) -> Result<Memory> {
     Ok(Memory::at(uri.clone(), uri, Vec::new()))
 }
 
+/// Returns the address of a store; an error names the origin. One in a settings file was checked when that was read.
+pub(super) fn parse_uri(uri: &str, origin: &Origin) -> Result<StoreUri, UsageError> {
+    StoreUri::parse(uri).map_err(|error| UsageError::new(format!("{error} (set by {origin})")))
+}
+
 /// Returns the memory of the settings; each store is contacted when it is first used.
 fn open(settings: &Settings) -> Result<Memory> {
     let local = settings.memory.value.as_deref().ok_or_else(|| {
         UsageError::new("no memory is set and no data directory is known; expected --memory URI, like file:robot.rmem")
     })?;
-    let parse = |uri: &str, origin: &Origin| {
-        StoreUri::parse(uri).map_err(|error| UsageError::new(format!("{error} (set by {origin})")))
-    };
-    let local = parse(local, &settings.memory.origin)?;
+    let local = parse_uri(local, &settings.memory.origin)?;
     if settings.memory.origin == Origin::Default
         && let Some(folder) = local.path().and_then(Path::parent)
     {
@@ -265,7 +267,7 @@ fn open(settings: &Settings) -> Result<Memory> {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     }
     let shared = match &settings.shared.value {
-        Some(uri) => parse(uri, &settings.shared.origin)?,
+        Some(uri) => parse_uri(uri, &settings.shared.origin)?,
         None => local.clone(),
     };
     Ok(Memory::at(local, shared, settings.shared_databases.value.clone()))

@@ -46,7 +46,7 @@ pub(super) fn exit_of_word(word: &str) -> Exit {
         "unsolvable" => Exit::Unsolvable,
         "timeout" => Exit::OutOfTime,
         "memory" => Exit::OutOfMemory,
-        "invalid" | "crashed" | "no-plan" | "not-executable" => Exit::PlannerBroken,
+        "invalid" | "crashed" => Exit::PlannerBroken,
         "unsupported" => Exit::Unsupported,
         "not-found" => Exit::PlannerNotFound,
         "interrupted" => Exit::Interrupted,

@@ -15,7 +15,7 @@ use crate::store::{Namespace, metadata};
 /// What stands below the help of `find-and-modify`.
 const HELP: &str = "\
 Examples:
-  rmem find-and-modify robmem.orders \"{state: 'open'}\" \"{\\$set: {state: 'taken', by: 'r1'}}\" --sort '{due: 1}'
+  rmem find-and-modify robmem.orders \"{state: 'open'}\" \"{\\$set: {state: 'taken'}}\" --sort '{due: 1}'
   rmem find-and-modify robmem.counters \"{_id: 'order'}\" '{$inc: {n: 1}}' --upsert --new
   rmem find-and-modify robmem.queue '{}' --remove
 
@@ -24,7 +24,7 @@ another one. Prints the document as it was, or with --new as it is now. Exits wi
 
 /// Find a document, change or remove it, and print it
 #[derive(Debug, Args)]
-#[command(after_help = HELP, arg = formats::argument(&formats::RESULT))]
+#[command(after_help = HELP, arg = formats::argument(&formats::DOCUMENTS))]
 pub struct FindAndModifyArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
@@ -73,7 +73,7 @@ pub(super) fn run(args: &FindAndModifyArgs, context: &mut Context<'_>) -> Result
     let is_found = modified.before.is_some() || modified.after.is_some();
     if let Some(document) = if args.new { modified.after } else { modified.before } {
         let shown: RawDocumentBuf = if args.meta { document } else { metadata::hide(document)? };
-        context.print_result(owned(shown)?)?;
+        context.print_document(owned(shown)?)?;
     }
     if !is_found {
         if !missing::warn(&args.namespace, &memory, context) {

@@ -4,7 +4,7 @@
 //! producer's documents are in the memory soon and a long file is read once.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
@@ -14,12 +14,13 @@ use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
 use super::query::{blame, in_braces, of_mongosh};
-use super::{Context, WrongInput, conflict, formats};
+use super::{Context, UsageError, WrongInput, conflict, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::fault::{AtFault as _, Fault};
 use crate::formats::command_line::word;
 use crate::formats::shell::{self, ReadError, Reader};
-use crate::formats::{Diagnostic, Source, csv, yaml};
+use crate::formats::{Diagnostic, Source, Span, csv, yaml};
 use crate::input::unreadable;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
@@ -55,7 +56,7 @@ pub struct InsertArgs {
     #[arg(short, long, value_name = "FILE", conflicts_with = "documents")]
     pub file: Option<PathBuf>,
     /// Format of the file, or of stdin: json, yaml, csv, tsv (default: by the file's extension, else json)
-    #[arg(long = "type", value_name = "TYPE", conflicts_with = "documents", hide_possible_values = true)]
+    #[arg(long = "type", value_name = "TYPE", hide_possible_values = true)]
     pub kind: Option<InputFormat>,
 }
 
@@ -72,6 +73,9 @@ pub enum InputFormat {
     Tsv,
 }
 
+/// What messages call a document that is the only one on the command line.
+const ONLY_ARGUMENT: &str = "<argument>";
+
 /// How many documents are stored, and acknowledged, at once at the most.
 const LARGEST_BATCH: usize = 1_000;
 
@@ -79,6 +83,12 @@ const LARGEST_BATCH: usize = 1_000;
 const FLUSH_INTERVAL: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &InsertArgs, context: &mut Context<'_>) -> Result<Exit> {
+    if args.kind.is_some() && args.documents.iter().any(|text| text != "-") {
+        return Err(UsageError::new(
+            "--type is for a file or stdin; documents on the command line are in shell syntax",
+        )
+        .into());
+    }
     let mut memory = context.memory_to_fill()?;
     let progress = args.file.as_ref().map(|_| context.output.progress(&format!("storing in {}", args.namespace)));
     if let Some(progress) = &progress {
@@ -122,11 +132,11 @@ fn read_all(
 ) -> Result<()> {
     for (index, text) in args.documents.iter().enumerate() {
         if text == "-" {
-            read_stdin(batch, memory, context)?;
+            read_file(Path::new("-"), args, batch, is_interrupted, memory, context)?;
             continue;
         }
         let name =
-            if args.documents.len() == 1 { "<argument>".to_owned() } else { format!("<argument {}>", index + 1) };
+            if args.documents.len() == 1 { ONLY_ARGUMENT.to_owned() } else { format!("<argument {}>", index + 1) };
         let source = Source::new(name, text.as_str());
         let documents =
             shell::parse_documents(&source).map_err(|error| of_mongosh(hinted(error, text), &args.namespace, text))?;
@@ -135,32 +145,45 @@ fn read_all(
         }
         batch.name = source.name().into();
         for (span, document) in documents {
-            batch.add(document, Some(source.position(span.start).0), memory, context)?;
+            batch.add(document, Some(source.position(span.start)), memory, context)?;
         }
     }
+    match &args.file {
+        Some(path) => read_file(path, args, batch, is_interrupted, memory, context),
+        None if args.documents.is_empty() => read_file(Path::new("-"), args, batch, is_interrupted, memory, context),
+        None => Ok(()),
+    }
+}
+
+/// Reads the documents of a file, or of stdin for `-`.
+fn read_file(
+    path: &Path,
+    args: &InsertArgs,
+    batch: &mut Batch<'_>,
+    is_interrupted: &dyn Fn() -> bool,
+    memory: &Memory,
+    context: &mut Context<'_>,
+) -> Result<()> {
     if let Some(read) = reader(args) {
-        let source = context.read(args.file.as_deref().unwrap_or(Path::new("-")))?;
+        let source = context.read(path)?;
         let mut documents = read(&source).take_while(|_| !is_interrupted());
         batch.name = source.name().into();
         return documents.try_for_each(|document| batch.add(document?, None, memory, context));
     }
-    match &args.file {
-        Some(path) if path != Path::new("-") => {
-            let name = path.display().to_string();
-            let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
-            batch.name = name.as_str().into();
-            for document in Reader::new(name, BufReader::new(file)) {
-                if is_interrupted() {
-                    break;
-                }
-                let (line, document) = document.map_err(of_other_type)?;
-                batch.add(document, Some(line), memory, context)?;
-            }
-            Ok(())
-        }
-        None if !args.documents.is_empty() => Ok(()),
-        _ => read_stdin(batch, memory, context),
+    if path == Path::new("-") {
+        return read_stdin(batch, memory, context);
     }
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+    batch.name = name.as_str().into();
+    for document in Reader::new(name, BufReader::new(file)) {
+        if is_interrupted() {
+            break;
+        }
+        let (place, document) = document.map_err(of_other_type)?;
+        batch.add(document, Some(place), memory, context)?;
+    }
+    Ok(())
 }
 
 /// Reads the documents of a text.
@@ -213,8 +236,8 @@ fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>)
     let mut stdin = context.take_stdin()?;
     batch.name = "<stdin>".into();
     for document in Reader::new("<stdin>", &mut stdin) {
-        let (line, document) = document.map_err(of_other_type)?;
-        batch.add(document, Some(line), memory, context)?;
+        let (place, document) = document.map_err(of_other_type)?;
+        batch.add(document, Some(place), memory, context)?;
     }
     Ok(())
 }
@@ -238,14 +261,17 @@ fn of_other_type(error: ReadError) -> ReadError {
     error.without_hints().hint(format!("for {name}: --type {kind}, or --file with a name that ends in .{kind}")).into()
 }
 
+/// A line and a column, both from 1.
+type Position = (usize, usize);
+
 /// The documents that are read and not yet stored.
 struct Batch<'a> {
     args: &'a InsertArgs,
     documents: Vec<Document>,
     /// The text that is read.
     name: Rc<str>,
-    /// Where each of the documents is: the text, and the line in it if that is known.
-    places: Vec<(Rc<str>, Option<usize>)>,
+    /// Where each of the documents is: the text, and the line and column in it if they are known.
+    places: Vec<(Rc<str>, Option<Position>)>,
     began: Instant,
     size: usize,
     stored: usize,
@@ -258,7 +284,7 @@ struct Batch<'a> {
 
 impl<'a> Batch<'a> {
     fn new(args: &'a InsertArgs, format: Format) -> Self {
-        let name = "<argument>".into();
+        let name = ONLY_ARGUMENT.into();
         Self {
             args,
             documents: Vec::new(),
@@ -276,7 +302,7 @@ impl<'a> Batch<'a> {
     fn add(
         &mut self,
         document: Document,
-        line: Option<usize>,
+        place: Option<Position>,
         memory: &Memory,
         context: &mut Context<'_>,
     ) -> Result<()> {
@@ -285,7 +311,7 @@ impl<'a> Batch<'a> {
         }
         self.has_world |= is_world(&document);
         self.documents.push(shell::with_regexes(document));
-        self.places.push((Rc::clone(&self.name), line));
+        self.places.push((Rc::clone(&self.name), place));
         if self.documents.len() >= self.size || self.began.elapsed() > FLUSH_INTERVAL {
             self.size = (self.size * 2).min(LARGEST_BATCH);
             self.store(memory, context)?;
@@ -311,12 +337,20 @@ impl<'a> Batch<'a> {
             _ => context.output.progress_lines(ids.iter().map(shell::relaxed_value))?,
         }
         let before = self.stored - ids.len();
-        result.map(drop).map_err(|error| match &error {
-            StoreError::Duplicate { stored, .. } => {
-                let place = places.get(stored.len()).map(|(name, line)| place(name, *line, before + stored.len() + 1));
-                taken(error, place.unwrap_or_default(), memory)
+        let nth = ids.len();
+        result.map(drop).map_err(|error| {
+            let documents = &self.args.documents;
+            let number = before + nth + 1;
+            let place = places.get(nth).map(|(name, at)| Place { name, at: *at, number, documents });
+            match (&error, place) {
+                (StoreError::Duplicate { .. }, Some(place)) => taken(error, &place, memory),
+                (StoreError::Query(_) | StoreError::Stopped { document: Some(_), .. }, Some(place))
+                    if error.fault() == Fault::Input && place.name != ONLY_ARGUMENT =>
+                {
+                    refused(error, &place)
+                }
+                _ => blame(counted(error, before), &[]),
             }
-            _ => blame(counted(error, before), &[]),
         })
     }
 }
@@ -333,22 +367,66 @@ fn hinted(error: Diagnostic, text: &str) -> Diagnostic {
     }
 }
 
-/// Where a document is: `orders.jsonl:3: `, or `orders.csv, document 3: `; nothing for the only argument.
-fn place(name: &str, line: Option<usize>, number: usize) -> String {
-    match line {
-        _ if name == "<argument>" => String::new(),
-        Some(line) => format!("{name}:{line}: "),
-        None => format!("{name}, document {number}: "),
+/// Where a document is.
+struct Place<'a> {
+    /// The text.
+    name: &'a str,
+    /// The line and column there, where they are known.
+    at: Option<Position>,
+    /// The number of the document, from 1.
+    number: usize,
+    /// The documents on the command line.
+    documents: &'a [String],
+}
+
+impl Place<'_> {
+    /// A message at this place: `orders.jsonl:3:1: …` with the line where the text can be read again, or
+    /// `orders.csv, document 3: …`; the message alone for the only argument.
+    fn mark(&self, message: &str) -> String {
+        match self.at {
+            _ if self.name == ONLY_ARGUMENT => message.to_owned(),
+            Some((line, column)) => match self.line(line) {
+                Some(text) => {
+                    let start = text.char_indices().nth(column - 1).map_or(text.len(), |(at, _)| at);
+                    let source = Source::starting_at(self.name, text.as_str(), line);
+                    Diagnostic::new(&source, Span::at(start), message).to_string()
+                }
+                None => Diagnostic::at(self.name, line, column, message).to_string(),
+            },
+            None => format!("{}, document {}: {message}", self.name, self.number),
+        }
+    }
+
+    /// A line of the text, from 1; none where it cannot be read twice.
+    fn line(&self, line: usize) -> Option<String> {
+        let index = line.checked_sub(1)?;
+        let argument = self.name.strip_prefix("<argument ").and_then(|rest| rest.strip_suffix('>'));
+        if let Some(number) = argument.and_then(|number| number.parse::<usize>().ok()) {
+            return self.documents.get(number.checked_sub(1)?)?.lines().nth(index).map(str::to_owned);
+        }
+        let path = Path::new(self.name);
+        let file = path.is_file().then(|| File::open(path).ok()).flatten()?;
+        BufReader::new(file).lines().nth(index)?.ok()
     }
 }
 
 /// The error for a unique key that is taken, with the place of the document that was to have it, and the one that has it.
-fn taken(error: StoreError, place: String, memory: &Memory) -> Error {
+fn taken(error: StoreError, place: &Place<'_>, memory: &Memory) -> Error {
     let holder = conflict::holder(&error, memory).as_ref().map(conflict::named).unwrap_or_default();
-    if place.is_empty() && holder.is_empty() {
+    let message = place.mark(&format!("{error}{holder}"));
+    if message == error.to_string() {
         return error.into();
     }
-    let message = format!("{place}{error}{holder}");
+    Error::from(error).context(message)
+}
+
+/// The error for a document that cannot be stored, with its place.
+fn refused(error: StoreError, place: &Place<'_>) -> Error {
+    let error = match error {
+        StoreError::Stopped { source, .. } => *source,
+        error => error,
+    };
+    let message = place.mark(&format!("the document cannot be stored: {error}"));
     Error::from(error).context(message)
 }
 

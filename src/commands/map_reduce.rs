@@ -1,14 +1,17 @@
 //! `rmem map-reduce NS --map FUNCTION --reduce FUNCTION`: values reduced by key, with functions in JavaScript.
 
+use std::path::Path;
+
 use clap::Args;
 
 use super::Context;
 use super::query::{argument, blame, filter_of};
-use crate::error::{Context as _, Result};
+use crate::error::{Error, Result};
 use crate::exit::Exit;
+use crate::formats::{Diagnostic, Source, Span};
 use crate::query::collation::during;
 use crate::query::{MapReduce, Merging};
-use crate::store::{Find, Namespace};
+use crate::store::{Find, Namespace, StoreError};
 
 /// Reduce values by key, with functions in JavaScript
 #[derive(Debug, Args)]
@@ -48,20 +51,23 @@ pub struct MapReduceArgs {
 }
 
 pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let (map, reduce) = (function(&args.map)?, function(&args.reduce)?);
-    let finalize = args.finalize.as_deref().map(function).transpose()?;
-    let functions = MapReduce::parse(&map, &reduce, finalize.as_deref(), &argument("<scope>", &args.scope)?)?;
+    let (map, reduce) = (function("<map>", &args.map, context)?, function("<reduce>", &args.reduce, context)?);
+    let finalize = args.finalize.as_deref().map(|text| function("<finalize>", text, context)).transpose()?;
+    let texts = [Some(&map), Some(&reduce), finalize.as_ref()];
+    let scope = argument("<scope>", &args.scope)?;
+    let functions = MapReduce::parse(map.text(), reduce.text(), finalize.as_ref().map(Source::text), &scope)?;
     let find = Find {
         filter: filter_of(&args.namespace, &args.query)?,
         sort: argument("<sort>", &args.sort)?,
         limit: args.limit,
         ..Find::default()
     };
-    let texts = [("<query>", args.query.as_str()), ("<sort>", args.sort.as_str())];
+    let given = [("<query>", args.query.as_str()), ("<sort>", args.sort.as_str())];
     let memory = context.memory()?;
-    let documents = memory.find(&args.namespace, &find).map_err(|error| blame(error, &texts))?;
+    let documents = memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))?;
     let collation = memory.collation(&args.namespace)?;
-    let results = during(collation.as_ref(), || functions.run(documents)).map_err(|error| blame(error, &texts))?;
+    let results = during(collation.as_ref(), || functions.run(documents));
+    let results = results.map_err(|error| located(error, &texts).unwrap_or_else(|error| blame(error, &given)))?;
     match &args.out {
         Some(out) => {
             let stages = Merging::Replace.stages(&out.database, &out.collection, results);
@@ -73,9 +79,21 @@ pub(super) fn run(args: &MapReduceArgs, context: &mut Context<'_>) -> Result<Exi
 }
 
 /// Returns the text of a function, which `@FILE` has in a file.
-fn function(text: &str) -> Result<String> {
+fn function(name: &'static str, text: &str, context: &mut Context<'_>) -> Result<Source> {
     match text.strip_prefix('@') {
-        Some(path) => std::fs::read_to_string(path).with_context(|| format!("cannot read {path}")),
-        None => Ok(text.to_owned()),
+        Some(path) => context.read(Path::new(path)),
+        None => Ok(Source::new(name, text)),
     }
+}
+
+/// The error of a function, shown at its text; any other comes back.
+fn located(error: StoreError, texts: &[Option<&Source>; 3]) -> Result<Error, StoreError> {
+    let StoreError::Query(query) = &error else { return Err(error) };
+    let names = MapReduce::FUNCTIONS.iter().zip(texts);
+    let source =
+        names.into_iter().find_map(|(name, source)| (query.operator.as_deref() == Some(*name)).then_some(*source)?);
+    let Some(source) = source else { return Err(error) };
+    let text = source.text();
+    let start = text.len() - text.trim_start().len();
+    Ok(Diagnostic::new(source, Span::new(start, text.trim_end().len()), query.message.clone()).into())
 }

@@ -19,7 +19,7 @@ use crate::views::{Kind, Picture};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  rmem plot robmem.worldmodel --kind map -o map.svg\n  \
 rmem plot robmem.battery --x time --y charge --by robot -o charge.png\n  \
-rmem plot robmem.objects \"[{\\$group: {_id: '\\$type', count: {\\$sum: 1}}}]\" --x _id --y count --kind bars -o types.svg\n  \
+rmem plot robmem.objects \"[{\\$group: {_id: '\\$type', count: {\\$sum: 1}}}]\" --x _id --y count \\\n    --kind bars -o types.svg\n  \
 rmem plot robmem.jobs --kind timeline --from begun --to ended --label name --by robot -o jobs.svg\n\n\
 FIELD is a dotted path; a number in it is an index, as in translation.0. Dates are an axis of time. A map\n\
 draws positions to scale, by default the x and y of translation, with names and with headings (by default how\n\

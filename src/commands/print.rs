@@ -107,6 +107,17 @@ impl Context<'_> {
         Ok(count)
     }
 
+    /// Prints a single document as [`Context::print_documents`] does, but as JSON without an array around it.
+    ///
+    /// # Errors
+    /// Where stdout fails.
+    pub fn print_document(&mut self, document: Document) -> Result<()> {
+        if self.format(&formats::DOCUMENTS)? == Format::Json {
+            return Ok(self.output.line(&shell::pretty(&document.into()))?);
+        }
+        self.print_documents([Ok(document)].into_iter()).map(drop)
+    }
+
     /// Prints the one document that is the result of a command.
     ///
     /// # Errors

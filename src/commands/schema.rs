@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::query::{blame, filter_of, owned};
-use super::{Context, formats};
+use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::output::amount;
@@ -37,5 +37,8 @@ pub(super) fn run(args: &SchemaArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     context.output.note(&format!("{} of {}", amount(schema.documents(), "document"), args.namespace));
     context.print_rows(schema.describe().into_iter().map(Ok))?;
+    if schema.documents() == 0 {
+        missing::warn(&args.namespace, &memory, context);
+    }
     Ok(Exit::Done)
 }

@@ -6,7 +6,7 @@ use bson::{Bson, Document};
 use clap::{Args, ValueEnum};
 
 use super::context::STDIN;
-use super::{Context, WrongInput, missing};
+use super::{Context, missing};
 use crate::error::Result;
 use crate::formats::{Diagnostic, Diagnostics, Source, command_line, pddl::Dialect, shell};
 use crate::memory::Memory;
@@ -220,11 +220,8 @@ pub(super) fn report(asked: &Asked<'_>, memory: &Memory, context: &mut Context<'
 /// Refuses what was made from sections of which one matched no document.
 pub(super) fn require(sections: &[SectionReport]) -> Result<()> {
     let empty = sections.iter().filter(|section| section.matched == 0);
-    let empty: Vec<String> = empty.map(|section| format!("{}: {}", section.place(), section.name)).collect();
-    if empty.is_empty() {
-        return Ok(());
-    }
-    Err(WrongInput::new(format!("sections that match no document: {}", empty.join("; "))).into())
+    let empty: Vec<Diagnostic> = empty.map(|section| section.unmatched.clone()).collect();
+    if empty.is_empty() { Ok(()) } else { Err(Diagnostics(empty).into()) }
 }
 
 /// In larger collections, why a section matched nothing is looked into under `-v` only: a plan is not to wait for it.

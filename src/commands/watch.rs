@@ -144,7 +144,13 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     if let (true, Some(name)) = (args.forget, &args.resume) {
         let is_known = memory.forget_watch(namespace, name)?;
         crate::scene::reported::forget(&memory, namespace, name)?;
-        return Ok(if is_known { Exit::Done } else { Exit::No });
+        if !is_known {
+            let message =
+                format!("no watch of {namespace} has the name `{name}`; `rmem watch --names` lists those there are");
+            context.output.error(&message);
+            return Ok(Exit::No);
+        }
+        return Ok(Exit::Done);
     }
     let guard = crate::interrupt::InterruptGuard::new();
     let counting =

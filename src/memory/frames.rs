@@ -86,11 +86,17 @@ impl Frames {
             let next = (parent.as_str(), own.around(pose));
             if let Some(start) = ancestors.iter().position(|(frame, _)| *frame == next.0) {
                 let cycle: Vec<&str> = ancestors.iter().skip(start).map(|(frame, _)| *frame).chain([next.0]).collect();
-                return Err(format!("the frames of {} are no tree: {}", self.namespace, cycle.join(" → ")));
+                return Err(format!("{}{}", self.no_tree(), cycle.join(" → ")));
             }
             ancestors.push(next);
         }
         Ok(ancestors)
+    }
+
+    /// How a message about frames begins that lead back to themselves.
+    #[must_use]
+    pub fn no_tree(&self) -> String {
+        format!("the frames of {} are no tree: ", self.namespace)
     }
 
     /// Whether a frame is in the tree.

@@ -88,7 +88,8 @@ fn current(word: &str) -> &str {
         "plan" => "success",
         "out-of-time" => "timeout",
         "out-of-memory" => "memory",
-        "failed" => "crashed",
+        "failed" | "not-executable" => "crashed",
+        "no-plan" => "invalid",
         word => word,
     }
 }

@@ -32,7 +32,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The word for it in documents.
+    /// The word for it in documents. Outcomes that an executive treats alike have one word; the message tells them apart.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
@@ -41,10 +41,8 @@ impl Outcome {
             Self::GaveUp => "gave-up",
             Self::OutOfMemory => "memory",
             Self::OutOfTime => "timeout",
-            Self::Invalid => "invalid",
-            Self::Failed => "crashed",
-            Self::NoPlan => "no-plan",
-            Self::NotExecutable => "not-executable",
+            Self::Invalid | Self::NoPlan => "invalid",
+            Self::Failed | Self::NotExecutable => "crashed",
             Self::Unsupported => "unsupported",
             Self::NotFound => "not-found",
             Self::Interrupted => "interrupted",

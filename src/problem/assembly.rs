@@ -332,11 +332,11 @@ impl Assembler {
         let from = |document: &Option<DocumentId>| {
             document.as_deref().map_or(String::new(), |(namespace, id)| format!(" {}", from_document(namespace, id)))
         };
-        Err(self
-            .template
-            .complain(template, message)
-            .hint(format!("`{first}` comes{} at {place}", from(&first_document)))
-            .hint(format!("`{name}` comes{}", from(&document))))
+        let error = self.template.complain(template, message);
+        let error = error.hint(format!("`{first}` comes{} at {place}", from(&first_document)));
+        // The place of the other is that of the error.
+        let second = document.is_some().then(|| format!("`{name}` comes{}", from(&document)));
+        Err(second.into_iter().fold(error, Diagnostic::hint))
     }
 }
 

@@ -23,6 +23,9 @@ pub(super) fn parse(text: &str) -> Result<String, Diagnostic> {
             _ if depth == 0 => return complain(offset, "expected a goal in parentheses, like `(on A B)`"),
             _ => {}
         }
+        if names::is_open(token) {
+            return complain(offset, "this text has no closing `\"`");
+        }
         if let Some(at) = token.find(is_forbidden) {
             return complain(offset + at, "a goal cannot hold this character");
         }
@@ -51,9 +54,17 @@ mod tests {
 
     #[test]
     fn what_is_not_balanced_is_refused_at_its_place() {
-        for (text, place) in
-            [("(on A B", "1:8"), ("(on A))", "1:7"), ("", "1:1"), ("on A B", "1:1"), ("(a) b", "1:5"), ("(a) ; b", "")]
-        {
+        for (text, place) in [
+            ("(on A B", "1:8"),
+            ("(on \"A B)", "1:5"),
+            ("(on \"A\\\" B)", "1:5"),
+            ("(on \"", "1:5"),
+            ("(on A))", "1:7"),
+            ("", "1:1"),
+            ("on A B", "1:1"),
+            ("(a) b", "1:5"),
+            ("(a) ; b", ""),
+        ] {
             match parse(text) {
                 Err(error) => assert!(error.to_string().starts_with(&format!("<goal>:{place}: ")), "{text}: {error}"),
                 Ok(goal) => assert_eq!((goal.as_str(), place), ("(a)", "")),

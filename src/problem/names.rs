@@ -191,6 +191,15 @@ fn token_length(text: &str) -> usize {
     }
 }
 
+/// Whether a token is a quoted text that is not closed.
+pub(super) fn is_open(token: &str) -> bool {
+    let Some(inner) = token.strip_prefix('"') else { return false };
+    let Some(inner) = inner.strip_suffix('"') else { return true };
+    // The last quote closes nothing where an odd number of backslashes stands before it.
+    let backslashes = inner.len() - inner.trim_end_matches('\\').len();
+    backslashes % 2 == 1
+}
+
 /// The text between quotes.
 fn unquoted(token: &str) -> String {
     let inner = token.strip_prefix('"').unwrap_or(token);

@@ -63,6 +63,8 @@ pub struct SectionReport {
     pub line: usize,
     /// The column there, from 1.
     pub column: usize,
+    /// That it matches no document, at its place: the error where that is one.
+    pub unmatched: Diagnostic,
 }
 
 impl SectionReport {

@@ -3,6 +3,14 @@
 use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// How long a process that is being ended may take until the system has removed it.
+const REMOVAL_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a running process is looked at for signs of its end: a kill that was just sent may not show yet.
+const SIGN_TIMEOUT: Duration = Duration::from_millis(50);
+/// How long one waits between two looks at a process.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// A process of this machine or of another.
 ///
@@ -53,6 +61,24 @@ impl Holder {
             Some(_) => Life::Over,
             None if exists(self.process) => Life::Running,
             None => Life::Over,
+        }
+    }
+
+    /// Returns whether the process has ended, now or shortly: one that was just killed runs until the system has removed
+    /// it, and is waited for.
+    pub(crate) fn ends(&self) -> bool {
+        let since = Instant::now();
+        loop {
+            match self.life() {
+                Life::Over => return true,
+                Life::Unseen | Life::Elsewhere => return false,
+                Life::Running => {}
+            }
+            let timeout = if is_dying(self.process) { REMOVAL_TIMEOUT } else { SIGN_TIMEOUT };
+            if since.elapsed() >= timeout {
+                return false;
+            }
+            std::thread::sleep(PAUSE);
         }
     }
 
@@ -128,6 +154,21 @@ fn started(process: u32) -> Option<String> {
     fields.nth(18).map(str::to_owned)
 }
 
+/// Whether the system is removing a process (the flag `PF_EXITING`), or a KILL is on its way to it.
+fn is_dying(process: u32) -> bool {
+    const PF_EXITING: u64 = 0x4;
+    const KILL: u64 = 1 << 8;
+    let read = |name: &str| std::fs::read_to_string(format!("/proc/{process}/{name}")).unwrap_or_default();
+    let line = read("stat");
+    let flags = line.rsplit_once(')').and_then(|(_, fields)| fields.split_whitespace().nth(6)?.parse::<u64>().ok());
+    let status = read("status");
+    let mut pending = status.lines().filter_map(|line| {
+        let set = line.strip_prefix("SigPnd:").or_else(|| line.strip_prefix("ShdPnd:"))?;
+        u64::from_str_radix(set.trim(), 16).ok()
+    });
+    flags.is_some_and(|flags| flags & PF_EXITING != 0) || pending.any(|set| set & KILL != 0)
+}
+
 /// Whether the process exists, on systems without `/proc`.
 fn exists(process: u32) -> bool {
     if std::path::Path::new("/proc/self/stat").exists() {
@@ -150,6 +191,17 @@ mod tests {
         let other = Holder { process: child.id(), ..myself.clone() };
         child.wait().unwrap();
         assert_eq!(other.life(), Life::Over);
+    }
+
+    #[test]
+    fn a_process_that_was_just_killed_is_waited_for() {
+        let myself = Holder::myself();
+        let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+        let other = Holder { process: child.id(), started: started(child.id()).unwrap(), ..myself };
+        assert_eq!((other.life(), other.ends()), (Life::Running, false));
+        child.kill().unwrap();
+        assert!(other.ends());
+        child.wait().unwrap();
     }
 
     #[test]

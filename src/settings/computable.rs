@@ -10,7 +10,7 @@ use toml::{Spanned, Value};
 
 use super::quoted::Quoted;
 use crate::formats::quantity;
-use crate::formats::{Diagnostic, Source, Span, shell};
+use crate::formats::{Diagnostic, Source, Span, plain, shell};
 use crate::memory::computables::{
     BUILTINS, BodyKind, Definition, NO_PROGRAMS, Options, Origin, check_adds, check_pipeline,
 };
@@ -86,7 +86,8 @@ pub fn read_kept(source: &Source) -> Result<Vec<Vec<Definition>>, Diagnostic> {
     let complain =
         |span: Range<usize>, message: String| Diagnostic::new(source, Span::new(span.start, span.end), message);
     let tables: Tables = toml::from_str(source.text()).map_err(|error| {
-        complain(error.span().unwrap_or_default(), error.message().lines().next().unwrap_or_default().to_owned())
+        let message = error.message().lines().next().unwrap_or_default();
+        complain(error.span().unwrap_or_default(), plain::kinds(message, "table"))
     })?;
     for table in &tables.computables {
         if let Some(command) = &table.command {

@@ -8,13 +8,13 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{computable, history, scene};
-use crate::formats::{Diagnostic, Source, Span, nearest};
+use crate::formats::{Diagnostic, Source, Span, nearest, plain};
 use crate::memory::computables::Definition;
 use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
 use crate::scene::ObjectKind;
-use crate::store::{HistoryRule, Namespace, masked_excerpt};
+use crate::store::{HistoryRule, Namespace, StoreUri, masked_excerpt};
 
 use super::backend::{Backend, Tables};
 
@@ -84,6 +84,9 @@ enum DialectName {
     Temporal,
 }
 
+/// The files of a run that words in braces stand for in a planner's command.
+const FILES: [&str; 3] = ["domain", "problem", "plan"];
+
 impl File {
     /// Reads a settings file.
     ///
@@ -95,7 +98,7 @@ impl File {
             |span: Range<usize>, message: String| Diagnostic::new(&shown, Span::new(span.start, span.end), message);
         let mut file: Self = toml::from_str(source.text()).map_err(|error| {
             let message = error.message().lines().next().unwrap_or_default();
-            let wrong = complain(error.span().unwrap_or_default(), masked_excerpt(message));
+            let wrong = complain(error.span().unwrap_or_default(), masked_excerpt(&plain::kinds(message, "table")));
             let wrong = match unquoted(shown.text(), error.span().unwrap_or_default().start) {
                 Some(quoted) => wrong.hint(format!("string values are quoted: {quoted}")),
                 None => wrong,
@@ -111,20 +114,29 @@ impl File {
         Ok(file)
     }
 
-    /// A word in braces that was probably meant to stand for a file of the run, with its place.
-    fn misspelt_file(&self, command: &Spanned<Vec<String>>) -> Option<(Range<usize>, String)> {
+    /// A word in braces that stands for no file of the run, with its place. Braces around anything but a word are the
+    /// program's own, and so are those of a shell's variable, `${name}`.
+    fn unknown_file(&self, command: &Spanned<Vec<String>>) -> Option<(Range<usize>, String)> {
         let text = self.text.get(command.span())?;
         for word in command.get_ref() {
             for (at, _) in word.match_indices('{') {
-                let inner = word.get(at + 1..)?.split('}').next().unwrap_or_default();
-                // `${name}` is a shell's variable.
+                let Some((inner, _)) = word.get(at + 1..)?.split_once('}') else { continue };
                 let is_variable = word.get(..at)?.ends_with('$');
-                let Some(meant) = nearest(inner, ["domain", "problem", "plan"]).filter(|_| !is_variable) else {
+                let is_word = inner.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+                    && inner.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
+                if is_variable || !is_word || FILES.contains(&inner) {
                     continue;
-                };
+                }
                 let marked = format!("{{{inner}}}");
                 let start = command.span().start + text.find(&marked).unwrap_or_default();
-                let message = format!("`{marked}` stands for no file of the run; did you mean `{{{meant}}}`?");
+                let meant = match nearest(inner, FILES) {
+                    Some(meant) => format!("did you mean `{{{meant}}}`?"),
+                    None => {
+                        "expected `{domain}`, `{problem}` or `{plan}`, or blanks inside braces of the program's own"
+                            .to_owned()
+                    }
+                };
+                let message = format!("`{marked}` stands for no file of the run; {meant}");
                 return Some((start..start + marked.len(), message));
             }
         }
@@ -133,6 +145,9 @@ impl File {
 
     /// Checks what types cannot express; an error is the first mistake with its place.
     fn check(&self) -> Result<(), (Range<usize>, String)> {
+        for uri in [&self.memory, &self.shared].into_iter().flatten() {
+            StoreUri::parse(uri.get_ref()).map_err(|error| (uri.span(), error.to_string()))?;
+        }
         if let Some(name) = &self.collection {
             name.get_ref().parse::<Namespace>().map_err(|error| (name.span(), error.to_string()))?;
         }
@@ -162,7 +177,7 @@ impl File {
                     "expected a program and its arguments, found an empty list".to_owned(),
                 ));
             }
-            if let Some((span, message)) = self.misspelt_file(&table.command) {
+            if let Some((span, message)) = self.unknown_file(&table.command) {
                 return Err((span, message));
             }
             if let Some(unknown) = table.lacks.iter().find(|lack| Feature::named(lack.get_ref()).next().is_none()) {
@@ -291,9 +306,9 @@ mod tests {
     #[test]
     fn a_wrong_type_is_an_error_at_its_place() {
         let text = complaint("shared_databases = \"robmem\"\n");
-        assert!(text.starts_with("rmem.toml:1:20: invalid type"), "{text}");
+        assert!(text.starts_with("rmem.toml:1:20: expected an array, found \"robmem\""), "{text}");
         let text = complaint("[planner.x]\ncommand = [\"x\"]\noutput = \"lpg\"\n");
-        assert!(text.starts_with("rmem.toml:3:10: unknown variant `lpg`"), "{text}");
+        assert!(text.starts_with("rmem.toml:3:10: unknown value `lpg`"), "{text}");
         let text = complaint("[[computable]]\nname='a'\ncollection='a.b'\nspec='{}'\ncache = '5 apples'\n");
         assert!(text.contains("is not a duration"), "{text}");
     }
@@ -321,6 +336,15 @@ mod tests {
         let text = complaint("[planner.x]\ncommand = [\"x\", \"{domian}\"]\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:18: `{domian}` stands for no file of the run"), "{text}");
         assert!(text.contains("did you mean `{domain}`?"), "{text}");
+        let command = |words: &str| format!("[planner.x]\noutput = \"ff\"\ncommand = [\"x\", \"{words}\"]\n");
+        let text = complaint(&command("{plan}-{foo}"));
+        let expected =
+            "rmem.toml:3:25: `{foo}` stands for no file of the run; expected `{domain}`, `{problem}` or `{plan}`";
+        assert!(text.starts_with(expected), "{text}");
+        assert!(complaint(&command("{plann}")).contains("did you mean `{plan}`?"));
+        for own in ["{}", "{ print }", "${HOME}", "{1..3}", "{a,b}", "{", "}{", "{domain} {problem} {plan}"] {
+            assert!(File::parse(&Source::new("rmem.toml", command(own))).is_ok(), "{own}");
+        }
         let text = complaint("[planner.x]\ncommand = []\noutput = \"ff\"\n");
         assert!(text.starts_with("rmem.toml:2:11: expected a program"), "{text}");
         let computable =

@@ -324,7 +324,7 @@ fn a_message_says_how_many_runs_failed() {
     lab.write("rmem.toml", &flaky);
     let words = ["compare", "tasks/lights/domain.pddl", "tasks/lights/one.pddl", "--planner", "flaky", "--repeat", "3"];
     let text = lab.rmem(&[&words[..], &["--format", "json"]].concat()).success();
-    assert!(text.contains("\"success\"") && text.contains("1 of 3 runs failed (no-plan)"), "{text}");
+    assert!(text.contains("\"success\"") && text.contains("1 of 3 runs failed (invalid)"), "{text}");
 }
 
 #[test]

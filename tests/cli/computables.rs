@@ -211,7 +211,7 @@ fn what_is_wrong_in_a_table_is_shown_at_its_place() {
       |         ^^^^^
     [exit code: 3]
     ------- stderr -------
-    error: $LAB/robot/rmem.toml:7:11: invalid type: integer `3`, expected a string
+    error: $LAB/robot/rmem.toml:7:11: expected a string, found `3`
       |
     7 | timeout = 3
       |           ^

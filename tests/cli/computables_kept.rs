@@ -269,3 +269,20 @@ fn a_name_that_settings_and_memory_have_stops_the_queries_that_need_it() {
     lab.rmem(&["computables", "remove", "low"]).success();
     assert_eq!(lab.rmem(&["count", "a.z", "{z: 1}"]).success(), "0\n");
 }
+
+#[test]
+fn json_works_for_every_command_on_computables() {
+    let lab = lab();
+    let json = |words: &[&str]| {
+        let printed = lab.rmem(&[&["--format", "json", "computables"], words].concat()).success();
+        serde_json::from_str::<serde_json::Value>(&printed).unwrap()
+    };
+    assert_eq!(json(&[]), serde_json::json!([]));
+    assert_eq!(json(&["add", LOW]), serde_json::json!(["low"]));
+    assert_eq!((json(&[])[0]["name"].clone(), json(&["list"])), ("low".into(), json(&[])));
+    let checked = serde_json::json!([{ "name": "low", "runs": true, "why": "the query matches the spec" }]);
+    assert_eq!(json(&["--check", "a.x", "{relation: 'on-table'}"]), checked);
+    assert_eq!(json(&["remove", "low"]), serde_json::json!(["low"]));
+    let table = lab.rmem(&["computables", "--check", "a.x", "{}", "--format", "csv"]);
+    assert_eq!((table.code, table.stdout.as_str()), (0, ""), "{table}");
+}

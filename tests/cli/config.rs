@@ -157,3 +157,54 @@ fn settings_in_yaml_are_an_error_that_says_so() {
     let run = lab.rmem(&["--config", "robot-memory.yaml", "config"]);
     assert!(run.code != 0 && run.stderr.contains("= hint: settings are TOML, not YAML"), "{run}");
 }
+
+#[test]
+fn an_address_in_the_file_that_is_none_is_an_error_at_its_place() {
+    let lab = Lab::new();
+    lab.write("memory.toml", "memory = \"foo\"\n");
+    lab.write("shared.toml", "collection = 'a.b'\nshared = 'mongodb://me:s3cret@'\n");
+    assert_run!(lab.rmem(&["--config", "memory.toml", "config"]), @r#"
+    ------- stderr -------
+    error: $LAB/memory.toml:1:10: `foo` is not the URI of a store; for a file write `file:foo`
+      |
+    1 | memory = "foo"
+      |          ^^^^^
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem(&["--config", "shared.toml", "count", "a.b"]), @r"
+    ------- stderr -------
+    error: $LAB/shared.toml:2:10: the address has no host, or its port is not a number; expected mongodb://HOST:PORT, or mongodb://USER:PASSWORD@HOST:PORT
+      |
+    2 | shared = 'mongodb://*********@'
+      |          ^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["--shared", "foo", "config"]), @r"
+    ------- stderr -------
+    error: `foo` is not the URI of a store; for a file write `file:foo` (set by --shared)
+    [exit code: 2]
+    ");
+}
+
+#[test]
+fn a_wrong_type_is_said_in_plain_words() {
+    let lab = Lab::new();
+    lab.write("rmem.toml", "[backend.local]\npath = 'x'\nport = 'y'\n");
+    assert_run!(lab.rmem(&["config"]), @r#"
+    ------- stderr -------
+    error: $LAB/rmem.toml:3:8: expected a whole number from 0 to 65535, found "y"
+      |
+    3 | port = 'y'
+      |        ^^^
+    [exit code: 3]
+    "#);
+    lab.write("rmem.toml", "[planner.x]\ncommand = ['true', '{foo}']\n");
+    assert_run!(lab.rmem(&["config"]), @r"
+    ------- stderr -------
+    error: $LAB/rmem.toml:2:21: `{foo}` stands for no file of the run; expected `{domain}`, `{problem}` or `{plan}`, or blanks inside braces of the program's own
+      |
+    2 | command = ['true', '{foo}']
+      |                     ^^^^^
+    [exit code: 3]
+    ");
+}

@@ -168,7 +168,10 @@ fn a_taken_key_is_5() {
     assert_run!(lab.rmem(&["insert", "robmem.x", "{_id: 0}", "{_id: 1}", "{_id: 2}"]), @r"
     0
     ------- stderr -------
-    error: <argument 2>:1: robmem.x already has a document with _id: 1
+    error: <argument 2>:1:1: robmem.x already has a document with _id: 1
+      |
+    1 | {_id: 1}
+      | ^
       1 document was stored before it
     [exit code: 5]
     ");

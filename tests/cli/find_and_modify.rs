@@ -108,3 +108,22 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     [exit code: 0]
     "#);
 }
+
+#[test]
+fn the_document_is_printed_in_every_format_of_documents() {
+    let lab = lab();
+    let ask = |format: &str| {
+        let take = ["find-and-modify", "robmem.orders", "{_id: 1}", "{$set: {due: 30}}", "--format", format];
+        lab.rmem(&take).success()
+    };
+    for (format, printed) in [
+        ("jsonl", "{\"_id\":1,\"state\":\"open\",\"due\":30}\n"),
+        ("json", "{\n  \"_id\": 1,\n  \"state\": \"open\",\n  \"due\": 30\n}\n"),
+        ("canonical", "{\"_id\":{\"$numberInt\":\"1\"},\"state\":\"open\",\"due\":{\"$numberInt\":\"30\"}}\n"),
+        ("csv", "_id,state,due\n1,open,30\n"),
+        ("tsv", "_id\tstate\tdue\n1\topen\t30\n"),
+        ("table", "_id  state  due\n1    open   30\n"),
+    ] {
+        assert_eq!(ask(format), printed, "{format}");
+    }
+}

@@ -109,7 +109,18 @@ fn a_section_that_matches_nothing_is_a_warning_or_under_strict_an_error() {
       no collection robmem.worldmodel; the memory is empty
     warning: line 8: ON in robmem.worldmodel: 0 documents
     warning: line 11: HOLDING in robmem.worldmodel: 0 documents
-    error: sections that match no document: line 6: ONTABLE; line 8: ON; line 11: HOLDING
+    error: problem.tmpl:6:5: no document of robmem.worldmodel matches this section
+      |
+    6 |     <<#ONTABLE|{relation:'on-table'}>>
+      |     ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    error: problem.tmpl:8:5: no document of robmem.worldmodel matches this section
+      |
+    8 |     <<#ON|{relation:'on'}>>
+      |     ^^^^^^^^^^^^^^^^^^^^^^^
+    error: problem.tmpl:11:5: no document of robmem.worldmodel matches this section
+       |
+    11 |     <<#HOLDING|{relation:'holding'}>>
+       |     ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
     [exit code: 3]
     ");
     assert!(!lab.path().join("p.pddl").exists());
@@ -658,4 +669,34 @@ fn an_interrupted_problem_leaves_nothing_beside_its_file() {
                   until ls -A out | grep -q .; do sleep 0.01; done; kill -INT $!; wait $!";
     lab.shell(script).exits(130);
     assert_eq!(lab.shell("ls -A out").success(), "");
+}
+
+#[test]
+fn a_name_that_differs_in_case_and_comes_from_no_document_has_one_hint() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "a.b", "{x: 'a'}", "{x: 'A'}"]).success();
+    lab.write("t.j2", "(define (problem p) (:domain d)\n  (:objects {{ distinct('a.b', 'x') | join(' ') }}))\n");
+    assert_run!(lab.rmem(&["gen-problem", "--template", "t.j2"]), @r"
+    ------- stderr -------
+    error: t.j2:2:13: `A` and `a` are one name to PDDL, which takes no notice of case
+      |
+    2 |   (:objects {{ distinct('a.b', 'x') | join(' ') }}))
+      |             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: `A` comes at 2:13
+    [exit code: 3]
+    ");
+}
+
+#[test]
+fn an_open_quote_in_the_goal_is_shown_where_it_opens() {
+    let lab = Lab::new();
+    lab.write("t.j2", "(define (problem p) (:domain d) (:goal {{ goal }}))\n");
+    assert_run!(lab.rmem(&["gen-problem", "--template", "t.j2", "--goal", "(box-on \"box #18 packing)"]), @r#"
+    ------- stderr -------
+    error: <goal>:1:9: this text has no closing `"`
+      |
+    1 | (box-on "box #18 packing)
+      |         ^
+    [exit code: 3]
+    "#);
 }

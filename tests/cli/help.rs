@@ -102,3 +102,43 @@ fn help_for_an_unknown_command_is_refused() {
     [exit code: 2]
     ");
 }
+
+#[test]
+fn the_help_of_help_is_the_same_in_each_spelling() {
+    let lab = Lab::empty();
+    let help = lab.rmem(&["help", "help"]).success();
+    assert!(help.contains("Usage: rmem help [COMMAND]..."), "{help}");
+    for option in ["--help", "-h"] {
+        assert_eq!(lab.rmem(&["help", option]).success(), help);
+    }
+}
+
+#[test]
+fn a_value_that_is_no_number_is_said_in_plain_words() {
+    let lab = Lab::empty();
+    for (words, expected) in [
+        (
+            &["query", "a.b", "--limit", "x"][..],
+            "error: invalid value 'x' for '--limit <N>': expected a whole number, like 10",
+        ),
+        (&["undo", "a.b", "--last=-1"], "error: invalid value '-1' for '--last <N>': expected a whole number, like 10"),
+        (
+            &["query", "a.b", "--skip", "99999999999999999999"],
+            "error: invalid value '99999999999999999999' for '--skip <N>': the number is too large",
+        ),
+        (
+            &["compare", "d.pddl", "p.pddl", "--repeat", "70000"],
+            "error: invalid value '70000' for '--repeat <N>': expected a whole number from 1 to 65535",
+        ),
+        (
+            &["watch", "a.b", "--count", "0"],
+            "error: invalid value '0' for '--count <N>': expected a whole number from 1 on",
+        ),
+    ] {
+        let run = lab.rmem(words).exits(2);
+        assert_eq!(run.stderr, format!("{expected}\n\nFor more information, try '--help'.\n"));
+    }
+    let negative = lab.rmem(&["undo", "a.b", "--last", "-1"]).exits(2);
+    let words = "error: unexpected argument '-1' found\n\n  tip: '--last' takes no negative number\n";
+    assert!(negative.stderr.starts_with(words), "{negative}");
+}

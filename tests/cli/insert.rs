@@ -172,11 +172,7 @@ fn what_stands_before_a_mistake_in_yaml_or_csv_is_stored() {
     ");
     assert_run!(lab.rmem(&["insert", "robmem.objects", "{_id: 5}", "--type", "csv"]), @r"
     ------- stderr -------
-    error: the argument '[DOC]...' cannot be used with '--type <TYPE>'
-
-    Usage: rmem insert <NS> <DOC>...
-
-    For more information, try '--help'.
+    error: --type is for a file or stdin; documents on the command line are in shell syntax
     [exit code: 2]
     ");
 }
@@ -236,4 +232,73 @@ fn rows_of_values_without_their_type_get_the_option_for_it() {
         assert!(!refused(other).contains("--type"), "{}", refused(other));
     }
     assert_eq!(lab.rmem_with(&["insert", "a.b", "--type", "csv", "-q"], "_id,is\n1,box\n").success(), "1\n");
+}
+
+#[test]
+fn a_dash_is_stdin_in_every_format() {
+    let lab = Lab::new();
+    let insert = |kind: &str, text: &str| {
+        lab.rmem_with(&["insert", "robmem.objects", "--type", kind, "-"], text).success();
+    };
+    insert("csv", "_id,n\n1,2\n");
+    insert("tsv", "_id\tn\n2\t3\n");
+    insert("yaml", "{_id: 3, n: 4}\n");
+    insert("json", "{_id: 4, n: 5}\n");
+    let stored = "{\"_id\":1,\"n\":2}\n{\"_id\":2,\"n\":3}\n{\"_id\":3,\"n\":4}\n{\"_id\":4,\"n\":5}\n";
+    assert_eq!(lab.rmem(&["query", "robmem.objects"]).success(), stored);
+}
+
+#[test]
+fn a_document_that_is_refused_is_shown_at_its_place() {
+    let lab = Lab::new();
+    lab.write("list.jsonl", "{_id: 1}\n{_id: 2}\n  {_id: [3]}\n{_id: 4}\n");
+    lab.write("array.json", "[{_id: 5}, {_id: 1}]\n");
+    let commands: [&[&str]; 4] = [
+        &["insert", "a.b", "--file", "list.jsonl"],
+        &["insert", "a.b", "--file", "array.json"],
+        &["insert", "a.b", "{_id: 6}", "{_id: [7]}"],
+        &["insert", "a.b", "{_id: [8]}"],
+    ];
+    let mut transcript = lab.transcript(&commands);
+    let stdin = lab.rmem_with(&["insert", "a.b"], "{_id: 9}\n{_id: /x/}\n");
+    transcript.push_str(&stdin.to_string());
+    assert_run!(transcript, @r"
+    $ rmem insert a.b --file list.jsonl
+    1
+    2
+    ------- stderr -------
+    error: list.jsonl:3:3: the document cannot be stored: the _id may not be an array
+      |
+    3 |   {_id: [3]}
+      |   ^
+      2 documents were stored before it
+    [exit code: 3]
+    $ rmem insert a.b --file array.json
+    5
+    ------- stderr -------
+    error: array.json:1:12: a.b already has a document with _id: 1
+      |
+    1 | [{_id: 5}, {_id: 1}]
+      |            ^
+      1 document was stored before it
+    [exit code: 5]
+    $ rmem insert a.b '{_id: 6}' '{_id: [7]}'
+    6
+    ------- stderr -------
+    error: <argument 2>:1:1: the document cannot be stored: the _id may not be an array
+      |
+    1 | {_id: [7]}
+      | ^
+      1 document was stored before it
+    [exit code: 3]
+    $ rmem insert a.b '{_id: [8]}'
+    ------- stderr -------
+    error: the _id may not be an array
+    [exit code: 3]
+    9
+    ------- stderr -------
+    error: <stdin>:2:1: the document cannot be stored: the _id may not be a regular expression
+      1 document was stored before it
+    [exit code: 3]
+    ");
 }

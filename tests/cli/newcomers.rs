@@ -191,7 +191,10 @@ fn a_batch_with_a_mistake_says_the_reason_first_and_then_what_was_stored() {
     1
     2
     ------- stderr -------
-    error: <argument 3>:1: robmem.batch already has a document with _id: 1
+    error: <argument 3>:1:1: robmem.batch already has a document with _id: 1
+      |
+    1 | {_id: 1}
+      | ^
       2 documents were stored before it
     [exit code: 5]
     ");
@@ -577,7 +580,10 @@ fn a_taken_key_says_which_document_of_the_file_and_which_of_the_memory() {
     $ rmem insert a.b --file f.jsonl
     1
     ------- stderr -------
-    error: f.jsonl:3: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+    error: f.jsonl:3:1: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+      |
+    3 | {_id: 2, name: 'A'}
+      | ^
       1 document was stored before it
     [exit code: 5]
     $ rmem insert a.b --file f.csv

@@ -36,3 +36,17 @@ fn a_schema_describes_each_field() {
     [exit code: 0]
     "#);
 }
+
+#[test]
+fn a_collection_that_is_missing_is_said() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "robmem.orders", "{_id: 1}"]).success();
+    assert_run!(lab.rmem(&["schema", "robmem.order"]), @r"
+    ------- stderr -------
+    0 documents of robmem.order
+    warning: no collection robmem.order; did you mean robmem.orders?
+    [exit code: 0]
+    ");
+    let empty = lab.rmem(&["schema", "robmem.orders", "{_id: 2}"]);
+    assert_eq!((empty.code, empty.stderr.as_str()), (0, "0 documents of robmem.orders\n"), "{empty}");
+}

@@ -135,8 +135,22 @@ fn one_process_at_a_time_has_a_name() {
     [exit code: 5]
     ");
     lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).success();
-    lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]).exits(1);
+    assert_run!(lab.rmem(&["watch", "a.b", "--resume", "x", "--forget"]), @r"
+    ------- stderr -------
+    error: no watch of a.b has the name `x`; `rmem watch --names` lists those there are
+    [exit code: 1]
+    ");
     lab.rmem(&["watch", "a.c", "--resume", "x", "--timeout", "10ms"]).exits(1);
+}
+
+#[test]
+fn a_name_is_free_at_once_when_its_process_was_killed() {
+    let lab = Lab::new();
+    for _ in 0..10 {
+        let watch = start(&lab, &["a.b", "--resume", "x"]);
+        watch.signal("KILL");
+        lab.rmem(&["watch", "a.b", "--resume", "x", "--timeout", "10ms"]).exits(1);
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use bson::{Document, doc};
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
-use super::selection::{More, names, read_file, sources};
+use super::selection::{More, names, not_negative, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput, formats};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -57,6 +57,7 @@ pub struct ApplyArgs {
     dry_run: bool,
     /// Numbers that differ by at most this are equal, in metres and radians
     #[arg(long, value_name = "TOLERANCE", default_value_t = 1e-9)]
+    #[arg(allow_negative_numbers = true, value_parser = not_negative)]
     tolerance: f64,
 }
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use bson::doc;
 use clap::Args;
 
-use super::selection::Selection;
-use crate::commands::{Context, UsageError};
+use super::selection::{Selection, not_negative};
+use crate::commands::Context;
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::scene::Invalid;
@@ -32,13 +32,11 @@ pub struct CheckArgs {
     selection: Selection,
     /// Least distance between objects, in metres (default: 0)
     #[arg(long, value_name = "METRES", default_value_t = 0.0, hide_default_value = true)]
+    #[arg(allow_negative_numbers = true, value_parser = not_negative)]
     distance: f64,
 }
 
 pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
-    if !(args.distance >= 0.0 && args.distance.is_finite()) {
-        return Err(UsageError::new(format!("--distance {}: expected metres, not negative", args.distance)).into());
-    }
     let memory = context.memory()?;
     let mut found = args.selection.objects(&memory, context)?;
     let mut meshes = Meshes::in_folder(Path::new(""));

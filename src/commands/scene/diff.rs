@@ -5,11 +5,12 @@ use std::path::Path;
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
-use super::selection::{More, names, read_file, sources};
+use super::selection::{More, names, not_negative, read_file, sources};
 use crate::commands::formats::SCENE_DIFFERENCE;
 use crate::commands::{Context, UsageError, WrongInput};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::formats::Diagnostic;
 use crate::formats::scene::json::{array, line};
 use crate::formats::scene::message::write_operations;
 use crate::formats::scene::{Content, Operation, Scene, Spelling};
@@ -48,6 +49,7 @@ pub struct DiffArgs {
     from: Option<String>,
     /// Numbers that differ by at most this are equal, in metres and radians
     #[arg(long, value_name = "TOLERANCE", default_value_t = 1e-9)]
+    #[arg(allow_negative_numbers = true, value_parser = not_negative)]
     tolerance: f64,
 }
 
@@ -95,6 +97,9 @@ fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> Result<Option
     }
     match read_file(path, args.from.as_deref(), context)? {
         (Content::Scene(scene), spelling) => Ok(Some((scene, Some(spelling)))),
+        (Content::Operations(operations, _), _) if operations.is_empty() => {
+            Err(Diagnostic::at(name, 1, 1, "expected a scene, found nothing").into())
+        }
         (Content::Operations(..), _) => Err(WrongInput::new(format!("{name} has operations; expected a scene")).into()),
     }
 }

@@ -126,6 +126,12 @@ impl More {
         if frames.has_any() && !frames.knows(frame) && found.is_nothing_for_want_of(frame) {
             return Err(WrongInput::new(format!("--frame {frame}: no such frame; {}", frames.known())).into());
         }
+        // Where frames lead back to themselves, it is not the documents in them that are wrong.
+        let cycle = found.invalid.iter().find(|invalid| invalid.reason.starts_with(&frames.no_tree()));
+        if let (Some(cycle), false) = (cycle, self.skip_invalid) {
+            let message = format!("{}; the parents of a frame have to end at one without a parent", cycle.reason);
+            return Err(WrongInput::new(message).into());
+        }
         if found.objects.is_empty() {
             for (namespace, _) in &sources.queries {
                 missing::warn(namespace, memory, context);
@@ -253,4 +259,10 @@ fn check_names(path: &Path, content: &Content) -> Result<(), WrongInput> {
 /// The names of the formats that scenes are read from, for the command line.
 pub(super) fn names() -> clap::builder::PossibleValuesParser {
     clap::builder::PossibleValuesParser::new(FORMATS.map(Format::name))
+}
+
+/// Reads a length or an angle.
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| *number >= 0.0 && number.is_finite());
+    number.ok_or_else(|| "expected a number that is not negative, like 0.01".to_owned())
 }

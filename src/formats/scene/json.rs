@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde_json::value::RawValue;
 
 use super::{Color, Content, Kind, Limits, Mass, Model, Object, Operation, Scene, Spelling, document};
-use crate::formats::{Diagnostic, Source, Span};
+use crate::formats::{Diagnostic, Source, Span, plain};
 
 /// rmem's own.
 pub const SPELLING: Spelling = Spelling {
@@ -28,8 +28,15 @@ pub const SPELLING: Spelling = Spelling {
     fits: |_| Ok(()),
     write,
     read,
-    recognizes: |text| text.trim_start_matches('\u{feff}').trim_start().starts_with('{'),
+    recognizes: |text| is_nothing(text) || text.trim_start_matches('\u{feff}').trim_start().starts_with('{'),
 };
+
+/// Whether a text is what `scene diff` prints of equal scenes: no operations, as lines or as one array.
+fn is_nothing(text: &str) -> bool {
+    let text = text.trim_start_matches('\u{feff}').trim();
+    text.is_empty()
+        || text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).is_some_and(|rest| rest.trim().is_empty())
+}
 
 fn write(scene: &Scene) -> String {
     let mut text = String::from("{");
@@ -81,6 +88,9 @@ struct Written<'a> {
 
 fn read(source: &Source) -> Result<Content, Diagnostic> {
     let text = source.text();
+    if is_nothing(text) {
+        return Ok(Content::Operations(Vec::new(), None));
+    }
     let first = serde_json::Deserializer::from_str(text).into_iter::<Document>().next();
     if let Some(Ok(first)) = &first
         && first.contains_key("operation")
@@ -146,5 +156,5 @@ pub(super) fn place(source: &Source, start: usize, part: &str, error: &serde_jso
     let at = (before + error.column().saturating_sub(1)).min(part.len());
     let message = error.to_string();
     let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(message, _)| message);
-    Diagnostic::new(source, Span::at(start + at), message)
+    Diagnostic::new(source, Span::at(start + at), plain::kinds(message, "object"))
 }

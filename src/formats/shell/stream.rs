@@ -38,7 +38,7 @@ impl AtFault for ReadError {
 /// Reads documents one after another, or the elements of one array, like
 /// [`super::parse_documents`], holding only the lines of the current document.
 ///
-/// Each comes with the number of the line it starts on; errors say their line
+/// Each comes with the line and column it starts at; errors say their line
 /// in the whole stream. After an error nothing more comes.
 #[derive(Debug)]
 pub struct Reader<R> {
@@ -48,7 +48,7 @@ pub struct Reader<R> {
     lines: usize,
     array: Array,
     done: bool,
-    ready: VecDeque<(usize, Document)>,
+    ready: VecDeque<((usize, usize), Document)>,
 }
 
 /// Whether the documents are the elements of an array.
@@ -159,19 +159,24 @@ impl<R: BufRead> Reader<R> {
             let message = "expected nothing after the array of documents";
             return Err(complain(Diagnostic::new(&source, Span::at(offset), message)).into());
         }
-        // Documents come in order, so that lines are counted once.
-        let (mut line, mut counted) = (chunk.first_line, 0);
+        // Documents come in order, so that lines and columns are counted once.
+        let (mut line, mut column, mut counted) = (chunk.first_line, 1, 0);
         for (span, document) in parse_sequence(&source).map_err(complain)? {
-            line += source.slice(Span::new(counted, span.start)).matches('\n').count();
+            let passed = source.slice(Span::new(counted, span.start));
+            line += passed.matches('\n').count();
+            column = match passed.rsplit_once('\n') {
+                Some((_, rest)) => rest.chars().count() + 1,
+                None => column + passed.chars().count(),
+            };
             counted = span.start;
-            self.ready.push_back((line, document));
+            self.ready.push_back(((line, column), document));
         }
         Ok(true)
     }
 }
 
 impl<R: BufRead> Iterator for Reader<R> {
-    type Item = Result<(usize, Document), ReadError>;
+    type Item = Result<((usize, usize), Document), ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.ready.is_empty() && !self.done {
@@ -201,16 +206,20 @@ pub(super) fn decode(name: &str, bytes: Vec<u8>, first_line: usize) -> Result<St
 mod tests {
     use super::*;
 
-    fn lines(text: &str) -> Vec<(usize, String)> {
+    fn places(text: &str) -> Vec<((usize, usize), String)> {
         let read = Reader::new("in", text.as_bytes()).map(|item| item.expect("readable"));
-        read.map(|(line, document)| (line, super::super::relaxed(&document))).collect()
+        read.map(|(place, document)| (place, super::super::relaxed(&document))).collect()
     }
 
     #[test]
-    fn says_on_which_line_of_the_stream_each_document_starts() {
-        let wanted = [(1, r#"{"a":1}"#.to_owned()), (3, r#"{"b":[1,2]}"#.to_owned()), (5, r#"{"c":1}"#.to_owned())];
-        assert_eq!(lines("{a: 1}\n// one\n{b: [1,\n  2]},\n{c: 1}"), wanted);
-        assert_eq!(lines("[{a: 1},\n\n{b: [1,\n  2]},\n{c: 1}\n]\n"), wanted);
+    fn says_where_in_the_stream_each_document_starts() {
+        let of = |places: [(usize, usize); 3]| {
+            let documents = [r#"{"a":1}"#, r#"{"b":[1,2]}"#, r#"{"c":1}"#].map(str::to_owned);
+            places.into_iter().zip(documents).collect::<Vec<_>>()
+        };
+        assert_eq!(places("{a: 1}\n// one\n {b: [1,\n  2]},\n{c: 1}"), of([(1, 1), (3, 2), (5, 1)]));
+        assert_eq!(places("[{a: 1},\n\n{b: [1,\n  2]},\n{c: 1}\n]\n"), of([(1, 2), (3, 1), (5, 1)]));
+        assert_eq!(places("[{a: 1}, {b: [1,2]}, {c: 1}]"), of([(1, 2), (1, 10), (1, 22)]));
     }
 
     #[test]

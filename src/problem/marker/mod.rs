@@ -221,7 +221,9 @@ impl<'a> Expander<'a> {
         };
         let documents = answer.map_err(|error| self.failed(section, error))?;
         let (line, column) = template.position(section.span.start);
+        let message = format!("no document of {ns} matches this section");
         self.reports.push(SectionReport {
+            unmatched: Diagnostic::new(template, section.span, message),
             name: section.name.clone(),
             namespace: ns.clone(),
             query: asked,

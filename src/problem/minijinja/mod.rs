@@ -334,7 +334,9 @@ fn sections(context: &Context, template: &Texts) -> Vec<SectionReport> {
     let section = |asked: Asked| {
         let span = asked.site.and_then(|site| context.sites.get(site)).copied().unwrap_or_default();
         let (line, column) = template.position(span.start);
+        let unmatched = template.complain(span, format!("no document of {} matches this section", asked.namespace));
         SectionReport {
+            unmatched,
             name: template.slice(span).split_whitespace().collect::<Vec<_>>().join(" "),
             namespace: asked.namespace.as_ref().clone(),
             query: asked.query,

@@ -54,6 +54,9 @@ struct Emitted {
 }
 
 impl MapReduce {
+    /// The names of the functions, as errors name the one that failed.
+    pub const FUNCTIONS: [&str; 3] = ["map", "reduce", "finalize"];
+
     /// Reads functions; `scope` holds variables that all of them see.
     ///
     /// # Errors
@@ -75,7 +78,7 @@ impl MapReduce {
     /// reduced.
     ///
     /// # Errors
-    /// The first error of the input or of a function.
+    /// The first error of the input, or of a function, whose name is then the operator of the error.
     pub fn run<E: From<QueryError>, D: AsRef<RawDocument>>(
         &self,
         documents: impl Iterator<Item = std::result::Result<D, E>>,
@@ -83,7 +86,7 @@ impl MapReduce {
         let mut emitted = Emitted::default();
         for document in documents {
             let document = Document::try_from(document?.as_ref()).map_err(QueryError::from)?;
-            emitted.add(self.map.call(&[Some(Bson::Document(document))])?)?;
+            emitted.add(self.map.call(&[Some(Bson::Document(document))]).map_err(of("map"))?)?;
         }
         let results = emitted.keys.into_values().map(|(key, values)| self.result(key, values));
         Ok(results.collect::<Result<_>>()?)
@@ -103,16 +106,21 @@ impl MapReduce {
     fn result(&self, key: Bson, mut values: Vec<Bson>) -> Result<Document> {
         let mut value = match values.len() {
             1 => values.pop(),
-            _ => self.reduce.call(&[Some(key.clone()), Some(Bson::Array(values))])?,
+            _ => self.reduce.call(&[Some(key.clone()), Some(Bson::Array(values))]).map_err(of("reduce"))?,
         };
         if let Some(finalize) = &self.finalize {
-            value = finalize.call(&[Some(key.clone()), value])?;
+            value = finalize.call(&[Some(key.clone()), value]).map_err(of("finalize"))?;
         }
         let mut result = Document::new();
         result.insert("_id", key);
         result.insert("value", value.unwrap_or(Bson::Undefined));
         Ok(result)
     }
+}
+
+/// Says which function an error is of.
+fn of(function: &'static str) -> impl Fn(QueryError) -> QueryError {
+    move |error| QueryError { operator: Some(function.to_owned()), ..error }
 }
 
 impl Emitted {

@@ -22,8 +22,14 @@ impl Embedded {
             return Err(failed(format!("its folder {} does not exist; create it first", folder.display())));
         }
         let write = |error: std::io::Error| failed(failure::io(&error));
+        // The error would name the temporary file.
+        let unnamed = |error: std::io::Error| {
+            let reason = failure::io(&error);
+            let reason = reason.split(" at path ").next().unwrap_or_default();
+            failed(format!("cannot make a file in {}: {reason}", folder.display()))
+        };
         let staged =
-            tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(write)?;
+            tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(unnamed)?;
         let Some(name) = staged.path().to_str() else { return Err(failed("its path is not UTF-8".to_owned())) };
         self.connection
             .execute("VACUUM INTO ?", [name])

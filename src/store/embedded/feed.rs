@@ -67,9 +67,12 @@ impl Embedded {
             return Err(StoreError::Unfit { address: self.place.to_string(), reason: reason.to_owned() });
         };
         let notifier = Notifier::new(path);
-        let noted = match self.write(|| watcher::take(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
-            Taken::Mine(watcher) => watcher,
-            other => return Err(refusal(&other, name.unwrap_or_default())),
+        let noted = loop {
+            match self.write(|| watcher::take(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
+                Taken::Mine(watcher) => break watcher,
+                Taken::Held(holder) if holder.ends() => {}
+                other => return Err(refusal(&other, name.unwrap_or_default())),
+            }
         };
         let mut feed = Feed {
             store: self,
@@ -96,10 +99,13 @@ impl Embedded {
 
     /// Removes a name with its position; returns whether it existed.
     pub(super) fn forget_name(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
-        match self.write(|| watcher::forget(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
-            None => Ok(false),
-            Some(Taken::Mine(_)) => Ok(true),
-            Some(other) => Err(refusal(&other, name)),
+        loop {
+            match self.write(|| watcher::forget(&self.connection, ns, name).map_err(|e| self.explain(&e)))? {
+                None => return Ok(false),
+                Some(Taken::Mine(_)) => return Ok(true),
+                Some(Taken::Held(holder)) if holder.ends() => {}
+                Some(other) => return Err(refusal(&other, name)),
+            }
         }
     }
 }
@@ -107,7 +113,8 @@ impl Embedded {
 fn refusal(taken: &Taken, name: &str) -> StoreError {
     match taken {
         Taken::Other(ns) => StoreError::Held { what: format!("the name `{name}` follows {ns}; use another name") },
-        Taken::Held(process) => {
+        Taken::Held(holder) => {
+            let process = holder.process();
             StoreError::Held { what: format!("process {process} follows changes by the name `{name}`; end it first") }
         }
         // Not reached: a watcher of this process is not refused.

@@ -30,8 +30,8 @@ pub(super) struct Watcher {
 pub(super) enum Taken {
     /// It belongs to this process.
     Mine(Watcher),
-    /// Another process follows it: the process id.
-    Held(u32),
+    /// Another process follows it.
+    Held(Holder),
     /// It belongs to another collection.
     Other(Namespace),
 }
@@ -117,7 +117,7 @@ pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) 
             return Ok(Taken::Other(found.namespace));
         }
         if let Some(holder) = found.holder() {
-            return Ok(Taken::Held(holder.process()));
+            return Ok(Taken::Held(holder));
         }
         let sql = "UPDATE watchers SET holder = ?, beat = ? WHERE id = ?";
         connection.execute(sql, params![myself, now(), found.id])?;
@@ -170,7 +170,7 @@ pub(super) fn forget(connection: &Connection, ns: &Namespace, name: &str) -> rus
         return Ok(Some(Taken::Other(found.namespace)));
     }
     if let Some(holder) = found.holder() {
-        return Ok(Some(Taken::Held(holder.process())));
+        return Ok(Some(Taken::Held(holder)));
     }
     remove(connection, ns, found.id)?;
     let holder = Holder::myself().to_string();

@@ -56,9 +56,13 @@ impl Position {
             let holder = found.get_str("holder").ok().map(str::to_owned);
             // A name that is held may be taken where its lease is over or its process seen to have ended.
             let mut free = vec![doc! { "holder": null }];
-            match holder.as_deref().map(|text| (text, text.parse::<Holder>().map(|holder| holder.life()))) {
-                Some((text, Ok(Life::Over))) => free.push(doc! { "holder": text }),
-                Some((_, Ok(Life::Running))) => return Err(held(name, holder.as_deref())),
+            match holder.as_deref().map(|text| (text, text.parse::<Holder>())) {
+                Some((text, Ok(other)))
+                    if other.life() == Life::Over || (other.life() == Life::Running && other.ends()) =>
+                {
+                    free.push(doc! { "holder": text });
+                }
+                Some((_, Ok(other))) if other.life() == Life::Running => return Err(held(name, holder.as_deref())),
                 _ => free.push(doc! { "$expr": { "$lte": ["$until", "$$NOW"] } }),
             }
             let filter = doc! { "_id": name, "$or": free };

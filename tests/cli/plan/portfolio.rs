@@ -654,3 +654,31 @@ fn what_the_engine_does_not_read_of_durative_actions_is_refused_at_its_line_or_r
         assert!(plan(duration, effect).exits(0).stdout.contains("(a)"), "{duration} {effect}");
     }
 }
+
+#[test]
+fn outcomes_of_a_planner_that_returns_no_plan_are_words_of_the_contract() {
+    let lab = Lab::new();
+    searching(&lab);
+    lab.write("torn.sh", "printf '(jum' > \"$1\"\n");
+    lab.write("data.bin", "not a program");
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\n[planner.nosub]\noutput = 'ff'\ncommand = ['true']\n\
+         [planner.torn]\noutput = 'downward'\ncommand = ['sh', 'torn.sh', '{plan}']\n\
+         [planner.data]\ncommand = ['./data.bin']\n",
+    );
+    for (planner, outcome, words) in [
+        ("nosub", "invalid", "what it returned is not a plan"),
+        ("torn", "invalid", ""),
+        ("data", "crashed", "its program could not be run"),
+    ] {
+        let into = format!("plans.{planner}");
+        let plan = ["plan", "-q", "-d", "d.pddl", "-p", "p.pddl", "--planner", planner, "--into", &into];
+        let run = lab.rmem(&[&plan[..], &["--format", "json"]].concat()).exits(32);
+        let report: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        assert_eq!((&report["outcome"], &report["exit"]), (&outcome.into(), &32.into()), "{run}");
+        assert!(run.stderr.contains(words), "{run}");
+        let stored = lab.rmem(&["query", &into]).success();
+        assert!(stored.contains(&format!("\"plan\":\"fail\",\"outcome\":\"{outcome}\"")), "{stored}");
+    }
+}

@@ -175,3 +175,24 @@ fn removed_objects_stay_unless_removing_is_asked_for() {
     let new = kitchen.rmem(&["query", OBJECTS, "{name: 'counter'}", "--fields", "{_id: 0, frame: 1, geometry: 1}"]);
     assert_eq!(new.success(), "{\"frame\":\"map\",\"geometry\":{\"type\":\"box\",\"size\":[1.6,0.6,0.9]}}\n");
 }
+
+#[test]
+fn operations_that_change_nothing_are_applied() {
+    let kitchen = Kitchen::new();
+    kitchen.export("json", "scene.json");
+    let before = kitchen.rmem(&["query", OBJECTS, "{}", "--meta"]).success();
+    for format in [&[][..], &["--format", "json"]] {
+        let diff = kitchen.rmem(&[&["scene", "diff", "scene.json", OBJECTS][..], format].concat()).success();
+        for from in [&[][..], &["--from", "json"]] {
+            let apply = [&["scene", "apply", "-", "--into", OBJECTS, "--remove"][..], from].concat();
+            assert_eq!(kitchen.lab.rmem_with(&apply, &diff).success(), "");
+        }
+    }
+    assert_eq!(kitchen.rmem(&["query", OBJECTS, "{}", "--meta"]).success(), before);
+    kitchen.lab.write("empty", "\n");
+    assert_run!(kitchen.rmem(&["scene", "diff", "empty", "scene.json"]), @r"
+    ------- stderr -------
+    error: empty:1:1: expected a scene, found nothing
+    [exit code: 3]
+    ");
+}

@@ -80,9 +80,26 @@ fn two_objects_of_one_name_and_frames_in_a_circle_are_errors() {
     lab.rmem(&["insert", "robmem.other", &object(3, "x")]).success();
     assert_run!(lab.rmem(&["scene", "export", "robmem.other", "--frame", "map"]), @r"
     ------- stderr -------
-    error: the document of robmem.other with _id 3 is no object of a scene: the frames of robmem.frames are no tree: x → y → x; correct it, or leave it out with --skip-invalid
+    error: the frames of robmem.frames are no tree: x → y → x; the parents of a frame have to end at one without a parent
     [exit code: 3]
     ");
+    lab.rmem(&["insert", "robmem.more", &object(4, "map")]).success();
+    assert_run!(lab.rmem(&["scene", "export", "robmem.more", "--frame", "x"]), @r"
+    ------- stderr -------
+    error: the frames of robmem.frames are no tree: x → y → x; the parents of a frame have to end at one without a parent
+    [exit code: 3]
+    ");
+    let skipped =
+        lab.rmem(&["scene", "export", "robmem.other", "--frame", "map", "--skip-invalid", "--format", "json"]);
+    assert_run!(skipped, @r#"
+    {
+      "frame": "map",
+      "objects": []
+    }
+    ------- stderr -------
+    warning: left out: the document of robmem.other with _id 3 is no object of a scene: the frames of robmem.frames are no tree: x → y → x
+    [exit code: 0]
+    "#);
 }
 
 #[test]
@@ -130,10 +147,7 @@ fn a_file_that_looks_like_no_scene_is_not_taken_for_one() {
     lab.write("empty", "");
     assert_run!(lab.rmem(&["scene", "diff", "empty", "empty"]), @r"
     ------- stderr -------
-    error: empty:1:1: this looks like no format of scenes (in MoveIt's, the second line is `* NAME` or `.`); name its format with --from: json, moveit, moveit-msg, mjcf, sdf, urdf, openrave
-      |
-    1 | 
-      | ^
+    error: empty:1:1: expected a scene, found nothing
     [exit code: 3]
     ");
 }
@@ -219,4 +233,17 @@ fn a_frame_that_there_is_not_is_named_and_not_the_documents() {
         assert_eq!(refused.stderr, "error: --frame robot: no such frame; robmem.frames has map, table\n");
     }
     lab.rmem(&["scene", "export", "robmem.things", "--frame", "table"]).success();
+}
+
+#[test]
+fn a_length_that_is_none_is_refused_with_a_sentence() {
+    let lab = Lab::new();
+    for (number, command) in
+        [("-1", ["check", "--distance"]), ("x", ["check", "--distance"]), ("-0.5", ["diff", "--tolerance"])]
+    {
+        let run = lab.rmem(&["scene", command[0], "a.b", "a.c", "--frame", "map", command[1], number]).exits(2);
+        let wanted = "': expected a number that is not negative, like 0.01\n";
+        assert!(run.stderr.starts_with(&format!("error: invalid value '{number}' for '{}", command[1])), "{run}");
+        assert!(run.stderr.contains(wanted), "{run}");
+    }
 }
