@@ -64,6 +64,15 @@ pub(in crate::memory) fn in_update(update: &UpdateSpec) -> UpdateSpec {
     }
 }
 
+/// Returns whether it is written as something else than a document: a mistake, which is said as it is.
+fn is_no_root(root: &Bson) -> bool {
+    match root {
+        Bson::Document(_) => false,
+        Bson::String(text) => !text.starts_with('$'),
+        _ => true,
+    }
+}
+
 fn in_update_stage(stage: &Document) -> Document {
     if names(stage) {
         return stage.clone();
@@ -71,10 +80,11 @@ fn in_update_stage(stage: &Document) -> Document {
     let keeping = |root: &Bson| doc! { "$setField": { "field": INFO, "input": in_expression(root), "value": format!("${INFO}") } };
     let rewritten = |(name, argument): (&String, &Bson)| {
         let argument = match (name.as_str(), argument) {
+            ("$replaceWith", root) if is_no_root(root) => root.clone(),
             ("$replaceWith", root) => keeping(root).into(),
             ("$replaceRoot", Bson::Document(spec)) if spec.len() == 1 => match spec.get("newRoot") {
-                Some(root) => doc! { "newRoot": keeping(root) }.into(),
-                None => argument.clone(),
+                Some(root) if !is_no_root(root) => doc! { "newRoot": keeping(root) }.into(),
+                _ => argument.clone(),
             },
             ("$project", Bson::Document(fields)) if is_inclusion(fields) => {
                 let mut fields: Document =

@@ -149,6 +149,18 @@ fn in_items<'a>(
     false
 }
 
+/// Refuses what is no path of a field: one with empty parts, or parts with a `$`.
+pub(super) fn check_plain(path: &str) -> Result<()> {
+    let code = match path {
+        "" => 40_352,
+        path if path.ends_with('.') => 40_353,
+        path if path.split('.').any(str::is_empty) => 15_998,
+        path if path.split('.').any(|part| part.starts_with('$')) => 16_410,
+        _ => return Ok(()),
+    };
+    Err(QueryError::invalid(code, format!("the field path '{path}' has a part that is empty or starts with '$'")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

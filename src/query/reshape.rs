@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime, Document};
 
-use super::error::{QueryError, Result};
+use super::error::{FAILED_TO_PARSE, QueryError, Result};
 use super::expression::{Environment, Expression, Scope, Variables};
 use super::projection::Shape;
 use super::view::View;
@@ -27,10 +27,12 @@ impl Reshape {
             }),
             "$replaceRoot" => {
                 let argument = object(name, argument)?;
-                match argument.get("newRoot") {
-                    Some(root) if argument.len() == 1 => Self::Root(Expression::parse_in(root, scope)?),
-                    _ => return Err(QueryError::invalid(40_414, "$replaceRoot needs newRoot, and nothing else")),
+                if let Some(name) = argument.keys().find(|name| *name != "newRoot") {
+                    return Err(QueryError::invalid(40_415, format!("$replaceRoot takes newRoot, and no '{name}'")));
                 }
+                let root = argument.get("newRoot");
+                let root = root.ok_or_else(|| QueryError::invalid(40_414, "$replaceRoot needs newRoot"))?;
+                Self::Root(Expression::parse_in(root, scope)?)
             }
             "$replaceWith" => Self::Root(Expression::parse_in(argument, scope)?),
             _ => return Ok(None),
@@ -71,8 +73,21 @@ pub(super) fn object<'a>(stage: &str, argument: &'a Bson) -> Result<&'a Document
     match argument {
         Bson::Document(document) => Ok(document),
         other => {
+            let code = match stage {
+                "$addFields" | "$set" => 40_272,
+                "$replaceRoot" => 40_229,
+                "$match" => 15_959,
+                "$sort" => 15_973,
+                "$group" => 15_947,
+                "$bucket" => 40_201,
+                "$bucketAuto" => 40_240,
+                "$facet" => 40_169,
+                "$sample" => 28_745,
+                "$setWindowFields" | "$densify" | "$fill" | "$lookup" | "$graphLookup" => FAILED_TO_PARSE,
+                _ => 15_969,
+            };
             let found = View::from(other).type_name();
-            Err(QueryError::invalid(15_969, format!("{stage} specification must be an object, not {found}")))
+            Err(QueryError::invalid(code, format!("{stage} specification must be an object, not {found}")))
         }
     }
 }

@@ -41,9 +41,15 @@ impl Sort {
         }
         for (name, direction) in pattern {
             if let Bson::Document(meta) = direction {
-                let argument = meta.get("$meta").filter(|_| meta.len() == 1);
-                let wrong = || QueryError::invalid(15_975, "a sort direction must be 1 or -1");
-                let argument = argument.ok_or_else(wrong)?;
+                let Some(argument) = meta.get("$meta") else {
+                    return Err(QueryError::invalid(17_312, "the only object for a sort direction is {$meta: …}"));
+                };
+                if meta.len() > 1 {
+                    return Err(QueryError::failed_to_parse("{$meta: …} may have no other field in a sort"));
+                }
+                if !matches!(argument, Bson::String(_)) {
+                    return Err(QueryError::invalid(31_138, "the argument of $meta in a sort must be a string"));
+                }
                 check_meta(argument)?;
                 text::meta(argument)?;
                 // The best come first.
@@ -53,7 +59,8 @@ impl Sort {
             let descending = match Number::of(direction).map(coerced) {
                 Some(1) => false,
                 Some(-1) => true,
-                _ => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1").about(name)),
+                Some(_) => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1").about(name)),
+                None => return Err(QueryError::invalid(15_974, "a sort direction must be a number").about(name)),
             };
             if name == "$natural" && pattern.len() == 1 {
                 sort.reversed = descending;

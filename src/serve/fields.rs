@@ -121,6 +121,14 @@ impl<'a> Fields<'a> {
         Failure::new(codes::MISSING_FIELD, message)
     }
 
+    /// Refuses null where it does not count as left out.
+    pub(super) fn refuse_null(self, name: &str) -> Result<(), Failure> {
+        match self.document.get(name) {
+            Some(null @ (Bson::Null | Bson::Undefined)) => Err(self.wrong(name, null, "object")),
+            _ => Ok(()),
+        }
+    }
+
     pub(super) fn document(self, name: &str) -> Result<Option<&'a Document>, Failure> {
         match self.get(name) {
             None => Ok(None),

@@ -65,6 +65,7 @@ impl Request {
             Some(database) => database.to_owned(),
             None => return Err(Failure::new(40_571, "OP_MSG requests require a $db argument")),
         };
+        check_database(&database)?;
         let confirmation = check_concerns(fields)?;
         let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
         let transaction = transaction(fields)?;
@@ -130,6 +131,15 @@ impl Request {
     /// Whether it is a command of a transaction.
     pub(super) fn is_in_transaction(&self) -> bool {
         self.transaction.is_some_and(|part| part.is_multi)
+    }
+}
+
+/// Refuses what is no name of a database, whatever the command: with a dot in it, it would name a collection.
+fn check_database(name: &str) -> Result<(), Failure> {
+    let is_name = !name.is_empty() && name.len() <= 63 && !name.contains(['.', '/', '\\', ' ', '"', '$', '\0']);
+    match is_name || name == "$external" {
+        true => Ok(()),
+        false => Err(Failure::new(codes::INVALID_NAMESPACE, format!("Invalid database name: '{name}'"))),
     }
 }
 
@@ -302,6 +312,14 @@ mod tests {
         assert_eq!(concern(doc! { "provenance": "far" }), codes::BAD_VALUE);
         let none = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0.5 } }).unwrap();
         assert_eq!(none.confirmation, Confirmation::None);
+    }
+
+    #[test]
+    fn no_command_takes_a_database_that_is_none() {
+        for name in ["aa.bb", "", "a b", "a$b", "a/b"] {
+            assert_eq!(code(doc! { "ping": 1, "$db": name }), codes::INVALID_NAMESPACE, "{name}");
+        }
+        assert_eq!(code(doc! { "ping": 1, "$db": "$external" }), 0);
     }
 
     #[test]

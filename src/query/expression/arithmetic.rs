@@ -7,7 +7,7 @@ use super::value::Value;
 use crate::query::arithmetic::{Overflow, add, multiply, subtract};
 use crate::query::compare::compare_values;
 use crate::query::decimal::{Decimal, Rounding};
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{QueryError, Result, TYPE_MISMATCH};
 use crate::query::number::{Number, double_to_long};
 use crate::query::statistics::{deviation, mean, total};
 
@@ -72,9 +72,12 @@ fn size(values: &[Value]) -> Result<Value> {
 }
 
 fn numeric(operator: &str, value: &Bson) -> Result<Number> {
-    Number::of(value).ok_or_else(|| {
-        QueryError::type_mismatch(format!("{operator} only supports numeric types, not {}", type_name(value)))
-    })
+    let code = match operator {
+        "$add" => 16_554,
+        "$mod" => 16_611,
+        _ => TYPE_MISMATCH,
+    };
+    Number::of(value).ok_or_else(|| wrong_type(code, operator, "a numeric type", value))
 }
 
 fn sum_all(values: &[Value]) -> Result<Value> {
@@ -135,7 +138,7 @@ fn difference(values: &[Value]) -> Result<Value> {
             gap.map(|gap| Some(Bson::Int64(gap))).ok_or_else(|| QueryError::bad_value("date overflow"))
         }
         (Bson::DateTime(a), b) => {
-            let by = Number::of(b).ok_or_else(|| wrong_type(16_556, "$subtract", "a number or a date", b))?;
+            let by = Number::of(b).ok_or_else(|| wrong_type(TYPE_MISMATCH, "$subtract", "a number or a date", b))?;
             Ok(Some(Bson::DateTime(DateTime::from_millis(shift(a.timestamp_millis(), by, -1)?))))
         }
         (a, b) => match (Number::of(a), Number::of(b)) {
@@ -264,7 +267,8 @@ fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
         None => 0,
         Some(value) if is_nullish(value) => return Ok(Some(Bson::Null)),
         Some(_) => Number::of(at(values, 1))
-            .and_then(Number::integral)
+            .ok_or_else(|| wrong_type(16_004, operator, "a numeric precision", at(values, 1)))?
+            .integral()
             .and_then(|place| i32::try_from(place).ok())
             .filter(|place| (-20..=100).contains(place))
             .ok_or_else(|| QueryError::invalid(51_082, format!("cannot apply {operator} with such a precision")))?,

@@ -49,6 +49,14 @@ fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [B
     }
 }
 
+/// The same, with a code for what is no number.
+fn whole(codes: (i32, i32), operator: &str, value: &Bson) -> Result<i64> {
+    if Number::of(value).is_none() {
+        return Err(wrong_type(codes.0, operator, "a number", value));
+    }
+    integer(codes.1, operator, value).map(i64::from)
+}
+
 /// Returns an integer of 32 bits, as any number writes it.
 fn integer(code: i32, operator: &str, value: &Bson) -> Result<i32> {
     Number::of(value)
@@ -125,9 +133,9 @@ fn index_of(values: &[Value]) -> Result<Value> {
 }
 
 fn range(values: &[Value]) -> Result<Value> {
-    let numeric = |index: usize| -> Result<i64> { Ok(integer(34_444, "$range", at(values, index))?.into()) };
-    let (start, end) = (numeric(0)?, numeric(1)?);
-    let step = if values.len() > 2 { numeric(2)? } else { 1 };
+    let numeric = |index: usize, codes| whole(codes, "$range", at(values, index));
+    let (start, end) = (numeric(0, (34_443, 34_444))?, numeric(1, (34_445, 34_446))?);
+    let step = if values.len() > 2 { numeric(2, (34_447, 34_448))? } else { 1 };
     if step == 0 {
         return Err(QueryError::invalid(34_449, "$range requires a non-zero step value"));
     }
@@ -150,14 +158,17 @@ fn size(values: &[Value]) -> Result<Value> {
 }
 
 fn slice(values: &[Value]) -> Result<Value> {
-    if values.iter().any(is_nullish) {
+    if values.iter().take(2).any(is_nullish) {
         return Ok(Some(Bson::Null));
     }
     let Some(items) = array(28_724, "$slice", at(values, 0))? else { return Ok(Some(Bson::Null)) };
     let length = i64::try_from(items.len()).unwrap_or(i64::MAX);
-    let first = i64::from(integer(28_726, "$slice", at(values, 1))?);
+    let first = whole((28_725, 28_726), "$slice", at(values, 1))?;
     let (start, count) = if values.len() == 3 {
-        let count = i64::from(integer(28_728, "$slice", at(values, 2))?);
+        if is_null(at(values, 2)) {
+            return Ok(Some(Bson::Null));
+        }
+        let count = whole((28_727, 28_728), "$slice", at(values, 2))?;
         if count <= 0 {
             return Err(QueryError::invalid(28_729, "the third argument to $slice must be positive"));
         }
@@ -275,9 +286,12 @@ fn sorted(arguments: &Arguments) -> Result<Value> {
     let order = arguments.get(1);
     let by_value = Number::of(order).map(Number::integral);
     let pattern = match order {
-        Bson::Document(pattern) => Some(Ranking::parse(pattern)?),
+        Bson::Document(pattern) => {
+            Some(Ranking::parse(pattern).map_err(|error| QueryError { code: 2_942_505, ..error })?)
+        }
         _ if matches!(by_value, Some(Some(1 | -1))) => None,
-        other => return Err(wrong_type(2_942_506, "$sortArray", "a pattern, 1 or -1", other)),
+        other if by_value.is_some() => return Err(wrong_type(2_942_506, "$sortArray", "1 or -1", other)),
+        other => return Err(wrong_type(2_942_507, "$sortArray", "a pattern, 1 or -1", other)),
     };
     let Some(items) = array(2_942_504, "$sortArray", arguments.get(0))? else { return Ok(Some(Bson::Null)) };
     let mut items = items.to_vec();
@@ -298,13 +312,10 @@ enum Take {
 }
 
 fn take(arguments: &Arguments, which: Take) -> Result<Value> {
-    let count = Number::of(arguments.get(1))
-        .and_then(Number::integral)
-        .filter(|count| *count > 0)
-        .and_then(|count| usize::try_from(count).ok())
-        .ok_or_else(|| {
-            QueryError::invalid(5_787_902, format!("{} needs a positive integral 'n'", arguments.operator))
-        })?;
+    let wrong = |code| QueryError::invalid(code, format!("{} needs a positive integral 'n'", arguments.operator));
+    let count = Number::of(arguments.get(1)).ok_or_else(|| wrong(5_787_902))?;
+    let count = count.integral().ok_or_else(|| wrong(5_787_903))?;
+    let count = usize::try_from(count).ok().filter(|count| *count > 0).ok_or_else(|| wrong(5_787_908))?;
     let Bson::Array(items) = arguments.get(0) else {
         let found = type_name(arguments.get(0));
         return Err(QueryError::invalid(5_788_200, format!("{} needs an array, not {found}", arguments.operator)));

@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 
 use bson::{Bson, Document};
 
+use super::mistake;
 use super::operator::{is_nullish, is_true, type_name};
 use super::pair::{fields as pair_of_fields, order};
 use super::parse::Reader;
@@ -197,7 +198,7 @@ impl Form {
                     let value = program.call(&values.into_iter().map(Some).collect::<Vec<_>>())?;
                     Ok(value.map(|value| if value == Bson::Undefined { Bson::Null } else { value }))
                 }
-                _ => Err(QueryError::invalid(4_660_705, "the 'args' of $function must be an array")),
+                _ => Err(QueryError::invalid(31_266, "the 'args' of $function must be an array")),
             },
             Self::Reduce { input, initial, value, this, body } => {
                 let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
@@ -298,19 +299,15 @@ fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
 /// Returns the named arguments of a form: all of `required`, any of `optional`, nothing else.
 fn fields<'a>(name: &str, argument: &'a Bson, required: &[&str], optional: &[&str]) -> Result<&'a Document> {
     let Bson::Document(fields) = argument else {
-        return Err(QueryError::invalid(16_878, format!("{name} only supports an object as its argument")));
+        return Err(mistake::shape(name));
     };
     for field in fields.keys() {
         if !required.contains(&field.as_str()) && !optional.contains(&field.as_str()) {
-            return Err(QueryError::invalid(16_879, format!("unrecognized parameter to {name}: {field}")));
+            return Err(mistake::unknown(name, field));
         }
     }
-    for field in required {
-        if !fields.contains_key(field) {
-            return Err(QueryError::invalid(16_880, format!("missing '{field}' parameter to {name}")));
-        }
-    }
-    Ok(fields)
+    let absent: Vec<&str> = required.iter().copied().filter(|field| !fields.contains_key(field)).collect();
+    mistake::missing(name, &absent).map_or(Ok(fields), Err)
 }
 
 fn get<'a>(fields: &'a Document, name: &str) -> &'a Bson {
@@ -337,7 +334,7 @@ fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
         None => {}
         Some(Bson::Array(items)) => {
             for item in items {
-                let branch = self::fields("$switch", item, &["case", "then"], &[])?;
+                let branch = self::fields("a branch of $switch", item, &["case", "then"], &[])?;
                 // The result of a case that never holds, and everything after a case that always holds, is not
                 // evaluated.
                 let reader = if decided { reader.lazily() } else { *reader };
@@ -366,6 +363,9 @@ fn switch(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
 
 fn bind(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     let fields = fields("$let", argument, &["vars", "in"], &[])?;
+    if matches!(get(fields, "vars"), Bson::Array(items) if !items.is_empty()) {
+        return Err(QueryError::failed_to_parse("the names of variables may not be numbers"));
+    }
     let Bson::Document(variables) = get(fields, "vars") else {
         return Err(QueryError::invalid(10_065, "invalid parameter: expected an object (vars)"));
     };
@@ -387,7 +387,7 @@ fn variable(fields: &Document) -> Result<&str> {
             check_name(name)?;
             Ok(name)
         }
-        Some(_) => Err(QueryError::invalid(16_866, "'as' must be a string")),
+        Some(_) => Err(QueryError::failed_to_parse("'as' must be a string")),
     }
 }
 
@@ -420,17 +420,23 @@ fn reduce(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
 
 fn function(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     let Bson::Document(fields) = argument else {
-        return Err(QueryError::invalid(4_660_700, "$function needs an object {body, args, lang}"));
+        return Err(QueryError::invalid(31_260, "$function needs an object {body, args, lang}"));
     };
-    let missing = [("body", 4_660_702), ("args", 4_660_703), ("lang", 4_660_704)];
-    if let Some((name, code)) = missing.into_iter().find(|(name, _)| !fields.contains_key(name)) {
-        return Err(QueryError::invalid(code, format!("$function needs '{name}'")));
-    }
-    if let Some(name) = fields.keys().find(|name| !matches!(name.as_str(), "body" | "args" | "lang")) {
-        return Err(QueryError::invalid(4_660_701, format!("unrecognized argument to $function: {name}")));
-    }
-    if fields.get("lang").and_then(Bson::as_str) != Some("js") {
-        return Err(QueryError::invalid(4_660_706, "the 'lang' of $function must be 'js'"));
+    // Other fields are let through, and what is missing is said after what is wrong before it.
+    let wrong = match fields.get("body") {
+        None => Some((31_261, "$function needs 'body'")),
+        Some(Bson::String(path)) if path.starts_with('$') => Some((31_432, "the 'body' of $function is no constant")),
+        Some(Bson::String(_) | Bson::JavaScriptCode(_)) => None,
+        Some(_) => Some((31_262, "the 'body' of $function must be a string or code")),
+    };
+    let wrong = wrong.or_else(|| (!fields.contains_key("args")).then_some((31_263, "$function needs 'args'")));
+    let wrong = wrong.or_else(|| match fields.get("lang") {
+        None => Some((31_418, "$function needs 'lang'")),
+        Some(Bson::String(language)) if language == "js" => None,
+        Some(_) => Some((31_419, "the 'lang' of $function must be 'js'")),
+    });
+    if let Some((code, message)) = wrong {
+        return Err(QueryError::invalid(code, message));
     }
     let program = Program::function("$function", "body", get(fields, "body"))?;
     Ok(Form::Function(program, reader.read(get(fields, "args"))?))

@@ -13,6 +13,7 @@ mod constants;
 mod convert;
 mod date;
 mod form;
+mod mistake;
 mod object;
 mod operator;
 mod pair;

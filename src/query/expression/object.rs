@@ -32,7 +32,10 @@ fn timestamp(operator: &str, values: &[Value], part: fn(&bson::Timestamp) -> u32
     match at(values, 0) {
         value if is_null(value) => Ok(Some(Bson::Null)),
         Bson::Timestamp(timestamp) => Ok(Some(Bson::Int64(part(timestamp).into()))),
-        other => Err(wrong_type(5_687_302, operator, "a timestamp", other)),
+        other => {
+            let code = if operator == "$tsSecond" { 5_687_301 } else { 5_687_302 };
+            Err(wrong_type(code, operator, "a timestamp", other))
+        }
     }
 }
 

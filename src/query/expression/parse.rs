@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 
 use super::constants::gathered;
 use super::form;
+use super::mistake;
 use super::operator::{Arguments, Named, Operator};
 use super::register;
 use super::scope::Scope;
@@ -38,6 +39,16 @@ const UNFOLDED: [&str; 13] = [
 /// Returns whether it is a constant other than an array.
 fn is_no_array(operand: &Expression) -> bool {
     matches!(operand, Expression::Constant(value) if !matches!(value, Some(Bson::Array(_))))
+}
+
+/// Checks an argument of `$zip`, which has to be written as what it is.
+fn check_zipped(name: &str, value: &Bson) -> Result<()> {
+    match (name, value) {
+        ("inputs", Bson::Array(_)) | ("defaults", Bson::Array(_)) | ("useLongestLength", Bson::Boolean(_)) => Ok(()),
+        ("inputs", _) => Err(QueryError::invalid(34_461, "inputs must be an array of expressions")),
+        ("defaults", _) => Err(QueryError::invalid(34_462, "defaults must be an array of expressions")),
+        _ => Err(QueryError::invalid(34_463, "useLongestLength must be a bool")),
+    }
 }
 
 /// Checks constant arguments that mongod checks while parsing.
@@ -125,7 +136,8 @@ impl<'a> Reader<'a> {
             if name.starts_with('$') || name.contains('.') || name.is_empty() {
                 let message =
                     format!("the field name '{name}' in an expression may not be empty, or have '.' or a leading '$'");
-                return Err(QueryError::invalid(16_410, message));
+                let is_path = name.contains('.') && !name.starts_with('$');
+                return Err(QueryError::invalid(if is_path { 16_412 } else { 16_410 }, message));
             }
             fields.push((name.clone(), self.read(value)?));
         }
@@ -163,11 +175,13 @@ impl<'a> Reader<'a> {
             ("$setEquals", operands) if self.folds && operands.iter().any(is_no_array) => {
                 return Err(QueryError::invalid(5_887_502, "all operands of $setEquals must be arrays"));
             }
-            ("$setIsSubset", [_, Expression::Constant(set)]) if self.folds && !matches!(set, Some(Bson::Array(_))) => {
+            ("$setIsSubset", [_, Expression::Constant(set)])
+                if self.folds && !fold && !matches!(set, Some(Bson::Array(_))) =>
+            {
                 return Err(QueryError::invalid(17_311, "the second operand of $setIsSubset must be an array"));
             }
             ("$indexOfArray", [Expression::Constant(Some(array)), ..])
-                if self.folds && !matches!(array, Bson::Array(_) | Bson::Null | Bson::Undefined) =>
+                if self.folds && !fold && !matches!(array, Bson::Array(_) | Bson::Null | Bson::Undefined) =>
             {
                 return Err(QueryError::invalid(50_809, "the first operand of $indexOfArray must be an array"));
             }
@@ -189,29 +203,35 @@ impl<'a> Reader<'a> {
             other => vec![self.read(other)?],
         };
         if arguments.len() < arity.0 || arguments.len() > arity.1 {
-            let message =
-                format!("expression {name} takes {} to {} arguments, not {}", arity.0, arity.1, arguments.len());
-            return Err(QueryError::invalid(16_020, message));
+            return Err(mistake::count(name, arity, arguments.len()));
         }
         Ok(arguments)
     }
 
     fn named(&self, operator: &'static Named, argument: &Bson) -> Result<Expression> {
         let mut arguments: Vec<Option<Expression>> = operator.fields.iter().map(|_| None).collect();
-        let is_names = matches!(argument, Bson::Document(fields) if !fields.keys().next().is_some_and(|name| name.starts_with('$')));
+        let is_expression = |fields: &Document| fields.keys().next().is_some_and(|name| name.starts_with('$'));
+        let is_names = matches!(argument, Bson::Document(fields) if !operator.bare || !is_expression(fields));
         match argument {
             Bson::Document(fields) if is_names => {
                 for (name, value) in fields {
                     let index = operator.fields.iter().position(|(known, _)| known == name);
-                    let place = index.and_then(|index| arguments.get_mut(index)).ok_or_else(|| {
-                        QueryError::failed_to_parse(format!("unrecognized argument to {}: {name}", operator.name))
-                    })?;
+                    let place = index.and_then(|index| arguments.get_mut(index));
+                    let place = place.ok_or_else(|| mistake::unknown(operator.name, name))?;
+                    if operator.name == "$zip" {
+                        check_zipped(name, value)?;
+                    }
                     *place = Some(match (name.as_str(), operator.name) {
                         // A pattern of a sort is no expression.
                         ("sortBy", _) => Expression::Constant(Some(value.clone())),
-                        ("field", "$setField" | "$unsetField") => self.literal(operator.name, value)?,
+                        ("field", "$getField" | "$setField" | "$unsetField") => self.literal(operator.name, value)?,
                         _ => self.read(value)?,
                     });
+                }
+            }
+            other if operator.name == "$getField" => {
+                if let Some(place) = arguments.first_mut() {
+                    *place = Some(self.literal(operator.name, other)?);
                 }
             }
             other if operator.bare => {
@@ -220,7 +240,7 @@ impl<'a> Reader<'a> {
                     *place = Some(only);
                 }
             }
-            _ => return Err(QueryError::failed_to_parse(format!("{} needs an object as its argument", operator.name))),
+            _ => return Err(mistake::shape(operator.name)),
         }
         if operator.name == "$getField"
             && !is_names
@@ -228,10 +248,10 @@ impl<'a> Reader<'a> {
         {
             *input = Some(self.variable("CURRENT", Vec::new())?);
         }
-        for ((name, required), value) in operator.fields.iter().zip(&arguments) {
-            if *required && value.is_none() {
-                return Err(QueryError::failed_to_parse(format!("missing '{name}' parameter to {}", operator.name)));
-            }
+        let fields = operator.fields.iter().zip(&arguments);
+        let absent = fields.filter(|((_, required), value)| *required && value.is_none()).map(|((name, _), _)| *name);
+        if let Some(error) = mistake::missing(operator.name, &absent.collect::<Vec<_>>()) {
+            return Err(error);
         }
         if self.folds {
             check_constants(operator, &arguments)?;
@@ -240,12 +260,19 @@ impl<'a> Reader<'a> {
         self.folded(Expression::Named(operator, arguments), fold)
     }
 
-    /// Reads a constant without evaluating it.
+    /// Reads a constant string without evaluating it.
     fn literal(&self, operator: &str, value: &Bson) -> Result<Expression> {
-        match self.lazily().read(value)? {
-            constant @ Expression::Constant(_) => Ok(constant),
-            _ => Err(QueryError::invalid(4_161_106, format!("{operator} requires 'field' to be a constant"))),
-        }
+        let (path, varying, no_string) = match operator {
+            "$getField" => (5_654_600, 5_654_601, 5_654_602),
+            _ => (4_161_108, 4_161_106, 4_161_107),
+        };
+        let code = match self.lazily().read(value)? {
+            constant @ Expression::Constant(Some(Bson::String(_))) => return Ok(constant),
+            Expression::Constant(_) => no_string,
+            Expression::Path(..) => path,
+            _ => varying,
+        };
+        Err(QueryError::invalid(code, format!("{operator} requires 'field' to be a constant string")))
     }
 
     /// `$path`, `$$variable.path`.

@@ -19,13 +19,20 @@ pub(super) const NAMED: [Named; 3] = [
 /// Text and pattern; `None` if one is null.
 fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
     let operator = arguments.operator;
+    let input = match arguments.get(0) {
+        value if is_null(value) => None,
+        Bson::String(input) => Some(input.as_str()),
+        other => return Err(wrong_type(51_104, operator, "a string as input", other)),
+    };
+    if !matches!(arguments.get(1), Bson::Null | Bson::Undefined | Bson::String(_) | Bson::RegularExpression(_)) {
+        return Err(wrong_type(51_105, operator, "a string or regex", arguments.get(1)));
+    }
     let options = match arguments.get(2) {
         value if is_null(value) => None,
         Bson::String(options) => Some(options.as_str()),
         other => return Err(wrong_type(51_106, operator, "a string of options", other)),
     };
     let pattern = match arguments.get(1) {
-        value if is_null(value) => None,
         Bson::String(pattern) => Some(Pattern::new(pattern, options.unwrap_or_default())?),
         Bson::RegularExpression(regex) => {
             let own = regex.options.as_str();
@@ -37,12 +44,7 @@ fn prepared(arguments: &Arguments) -> Result<Option<(&str, Pattern)>> {
             }
             Some(Pattern::new(regex.pattern.as_str(), options.unwrap_or(own))?)
         }
-        other => return Err(wrong_type(51_105, operator, "a string or regex", other)),
-    };
-    let input = match arguments.get(0) {
-        value if is_null(value) => None,
-        Bson::String(input) => Some(input.as_str()),
-        other => return Err(wrong_type(51_104, operator, "a string as input", other)),
+        _ => None,
     };
     Ok(input.zip(pattern))
 }

@@ -63,12 +63,12 @@ impl Variables {
 /// Refuses names that users may not give to variables.
 pub(in crate::query) fn check_name(name: &str) -> Result<()> {
     let Some(first) = name.chars().next() else {
-        return Err(QueryError::invalid(16_866, "empty variable names are not allowed"));
+        return Err(QueryError::failed_to_parse("empty variable names are not allowed"));
     };
     let starts = first.is_ascii_lowercase() || !first.is_ascii() || name == "CURRENT";
     let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || !c.is_ascii());
     if !starts || !rest {
-        return Err(QueryError::invalid(16_867, format!("'{name}' is not a valid name for a variable")));
+        return Err(QueryError::failed_to_parse(format!("'{name}' is not a valid name for a variable")));
     }
     Ok(())
 }

@@ -210,13 +210,14 @@ enum Unit {
 }
 
 fn index_of(operator: &str, values: &[Value], unit: Unit) -> Result<Value> {
+    let codes = if unit == Unit::Byte { (40_091, 40_092) } else { (40_093, 40_094) };
     let text = match at(values, 0) {
         value if is_null(value) => return Ok(Some(Bson::Null)),
         Bson::String(text) => text,
-        other => return Err(wrong_type(40_091, operator, "a string as first argument", other)),
+        other => return Err(wrong_type(codes.0, operator, "a string as first argument", other)),
     };
     let Bson::String(wanted) = at(values, 1) else {
-        return Err(wrong_type(40_092, operator, "a string as second argument", at(values, 1)));
+        return Err(wrong_type(codes.1, operator, "a string as second argument", at(values, 1)));
     };
     let length = if unit == Unit::Byte { text.len() } else { text.chars().count() };
     let bound = |index: usize, default: usize| -> Result<usize> {

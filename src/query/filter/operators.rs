@@ -58,7 +58,6 @@ pub(super) fn field_operator(
             alone(name, siblings)?;
             Leaf::Place(Box::new(Region::meets(value)?))
         }
-        "$comment" => return Ok(None),
         _ if OPERATORS.contains(&name) => {
             return Err(QueryError::bad_value(format!(
                 "{name} must be the first operator of a field, at the top of a filter"
@@ -165,9 +164,9 @@ fn size(value: &Bson) -> Result<Leaf> {
     let size = Number::of(value)
         .and_then(Number::integral_32)
         .map(i64::from)
-        .ok_or_else(|| QueryError::failed_to_parse("$size must be a 32-bit integer"))?;
+        .ok_or_else(|| QueryError::bad_value("$size must be a 32-bit integer"))?;
     if size < 0 {
-        return Err(QueryError::failed_to_parse("$size may not be negative"));
+        return Err(QueryError::bad_value("$size may not be negative"));
     }
     Ok(Leaf::Size(size))
 }

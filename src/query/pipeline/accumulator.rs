@@ -71,6 +71,11 @@ impl Accumulator {
         Self::read(spec, scope, true)
     }
 
+    /// Returns whether it looks like one: an object that begins with an operator.
+    pub(super) fn is_one(spec: &Bson) -> bool {
+        matches!(spec, Bson::Document(spec) if spec.keys().next().is_some_and(|name| name.starts_with('$')))
+    }
+
     fn read(spec: &Bson, scope: &Scope, takes_arrays: bool) -> Result<Self> {
         let Bson::Document(spec) = spec else {
             return Err(QueryError::invalid(40_234, "a computed field must be an accumulator object"));
@@ -78,6 +83,10 @@ impl Accumulator {
         let (Some((name, argument)), 1) = (spec.iter().next(), spec.len()) else {
             return Err(QueryError::invalid(40_238, "a computed field must specify exactly one accumulator"));
         };
+        let takes_one = ["$count", "$top", "$topN", "$bottom", "$bottomN", "$accumulator"].contains(&name.as_str());
+        if takes_one && !takes_arrays && matches!(argument, Bson::Array(_)) {
+            return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator")));
+        }
         let operator = match name.as_str() {
             "$sum" => Operator::Sum,
             "$avg" => Operator::Average,
@@ -133,8 +142,12 @@ impl Accumulator {
         let several = name.ends_with('N');
         let names: &[&str] = if several { &["output", "sortBy", "n"] } else { &["output", "sortBy"] };
         let fields = fields(name, argument, names)?;
-        let Some(Bson::Document(pattern)) = fields.get("sortBy") else {
-            return Err(QueryError::invalid(5_788_004, format!("{name} needs an object as sortBy")));
+        let pattern = match fields.get("sortBy") {
+            Some(Bson::Document(pattern)) => pattern,
+            Some(Bson::Array(items)) if !items.is_empty() => {
+                return Err(QueryError::invalid(15_974, format!("{name} needs an object as sortBy, and no array")));
+            }
+            _ => return Err(QueryError::invalid(10_065, format!("{name} needs an object as sortBy"))),
         };
         let count =
             if several { Some(Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?) } else { None };
@@ -326,26 +339,34 @@ fn limit<E>(count: &Expression, id: &Bson, run: &Run<'_, E>) -> Result<usize> {
         Bson::Document(id) => count.evaluate(&run.environment(id.into()))?,
         _ => count.evaluate(&run.environment((&Document::new()).into()))?,
     };
-    value
-        .as_ref()
-        .and_then(Number::of)
-        .and_then(Number::integral)
-        .filter(|limit| *limit > 0)
-        .and_then(|limit| usize::try_from(limit).ok())
-        .map(|limit| limit.min(MAX_N))
-        .ok_or_else(|| QueryError::invalid(5_787_908, "'n' must be a positive integral value"))
+    let wrong = |code| QueryError::invalid(code, "'n' must be a positive integral value");
+    let limit = value.as_ref().and_then(Number::of).ok_or_else(|| wrong(5_787_902))?;
+    let limit = limit.integral().ok_or_else(|| wrong(5_787_903))?;
+    let limit = usize::try_from(limit).ok().filter(|limit| *limit > 0).ok_or_else(|| wrong(5_787_908))?;
+    Ok(limit.min(MAX_N))
 }
 
 /// Returns the arguments of an accumulator: exactly these names.
 fn fields<'a>(name: &str, argument: &'a Bson, names: &[&str]) -> Result<&'a Document> {
+    let (shape, unknown) = match name {
+        "$firstN" | "$lastN" => (5_787_801, 5_787_901),
+        "$minN" | "$maxN" => (5_787_900, 5_787_901),
+        _ => (5_788_001, 5_788_002),
+    };
     let Bson::Document(fields) = argument else {
-        return Err(QueryError::invalid(5_787_900, format!("{name} needs an object")));
+        return Err(QueryError::invalid(shape, format!("{name} needs an object")));
     };
     if let Some(other) = fields.keys().find(|known| !names.contains(&known.as_str())) {
-        return Err(QueryError::invalid(5_787_901, format!("unknown argument to {name}: {other}")));
+        return Err(QueryError::invalid(unknown, format!("unknown argument to {name}: {other}")));
     }
-    match names.iter().find(|wanted| !fields.contains_key(wanted)) {
-        Some(missing) => Err(QueryError::invalid(5_787_906, format!("missing value for '{missing}' of {name}"))),
+    let is_ranked = names.contains(&"sortBy");
+    let missing = ["n", "input", "output", "sortBy"].into_iter().zip(if is_ranked {
+        [5_788_003, 0, 5_788_004, 5_788_005]
+    } else {
+        [5_787_906, 5_787_907, 0, 0]
+    });
+    match missing.into_iter().find(|(wanted, _)| names.contains(wanted) && !fields.contains_key(wanted)) {
+        Some((wanted, code)) => Err(QueryError::invalid(code, format!("missing value for '{wanted}' of {name}"))),
         None => Ok(fields),
     }
 }

@@ -4,7 +4,7 @@ use bson::{Bson, Document};
 
 use super::documents::Origin;
 use crate::query::error::{QueryError, Result};
-use crate::query::path::Path;
+use crate::query::path::{Path, check_plain};
 
 /// Reads the pipeline that a stage contains.
 pub(super) fn inner(stage: &str, value: &Bson) -> Result<Vec<Document>> {
@@ -49,8 +49,6 @@ pub(super) fn target(stage: &str, spec: &Document) -> Result<Vec<String>> {
 
 /// Reads a path without `$`.
 pub(super) fn plain_path(text: &str) -> Result<Path> {
-    if text.is_empty() || text.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
-        return Err(QueryError::invalid(16_410, format!("the field path '{text}' is not valid")));
-    }
+    check_plain(text)?;
     Path::parse(text)
 }

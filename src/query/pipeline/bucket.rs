@@ -22,6 +22,11 @@ pub(super) struct Bucket {
     output: Accumulators,
 }
 
+/// The code of a stage for a mistake: `$bucketAuto` has codes of its own.
+fn code(stage: &str, bucket: i32, auto: i32) -> i32 {
+    if stage == "$bucketAuto" { auto } else { bucket }
+}
+
 fn output(spec: &Document, scope: &Scope) -> Result<Accumulators> {
     match spec.get("output") {
         None => Ok(Accumulators::counting()),
@@ -31,20 +36,22 @@ fn output(spec: &Document, scope: &Scope) -> Result<Accumulators> {
 }
 
 /// What documents are put in buckets by: a path or an expression.
-fn by(spec: &Document, scope: &Scope) -> Result<Expression> {
+fn by(stage: &str, spec: &Document, scope: &Scope) -> Result<Expression> {
     match spec.get("groupBy") {
         Some(value @ Bson::String(path)) if path.starts_with('$') => Expression::parse_in(value, scope),
         Some(value @ Bson::Document(inner)) if inner.keys().next().is_some_and(|name| name.starts_with('$')) => {
             Expression::parse_in(value, scope)
         }
-        Some(_) => Err(QueryError::invalid(40_202, "groupBy must be a $-path or an expression")),
-        None => Err(QueryError::invalid(40_198, "a bucket stage needs groupBy")),
+        Some(_) => Err(QueryError::invalid(code(stage, 40_202, 40_239), "groupBy must be a $-path or an expression")),
+        None => Err(QueryError::invalid(code(stage, 40_198, 40_246), "a bucket stage needs groupBy")),
     }
 }
 
 fn known(stage: &str, spec: &Document, names: &[&str]) -> Result<()> {
     match spec.keys().find(|name| !names.contains(&name.as_str())) {
-        Some(name) => Err(QueryError::invalid(40_197, format!("unrecognized option to {stage}: {name}"))),
+        Some(name) => {
+            Err(QueryError::invalid(code(stage, 40_197, 40_245), format!("unrecognized option to {stage}: {name}")))
+        }
         None => Ok(()),
     }
 }
@@ -52,7 +59,7 @@ fn known(stage: &str, spec: &Document, names: &[&str]) -> Result<()> {
 impl Bucket {
     pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
         known("$bucket", spec, &["groupBy", "boundaries", "default", "output"])?;
-        let by = by(spec, scope)?;
+        let by = by("$bucket", spec, scope)?;
         let Some(Bson::Array(items)) = spec.get("boundaries") else {
             return Err(QueryError::invalid(40_200, "the boundaries of $bucket must be an array"));
         };
@@ -123,14 +130,12 @@ pub(super) struct AutoBucket {
 impl AutoBucket {
     pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
         known("$bucketAuto", spec, &["groupBy", "buckets", "output", "granularity"])?;
-        let by = by(spec, scope)?;
-        let buckets = spec
-            .get("buckets")
-            .and_then(Number::of)
-            .and_then(Number::integral_32)
-            .filter(|buckets| *buckets > 0)
-            .and_then(|buckets| usize::try_from(buckets).ok())
-            .ok_or_else(|| QueryError::invalid(40_241, "the buckets of $bucketAuto must be a positive integer"))?;
+        let by = by("$bucketAuto", spec, scope)?;
+        let wrong = |code| QueryError::invalid(code, "the buckets of $bucketAuto must be a positive integer");
+        let buckets = spec.get("buckets").ok_or_else(|| wrong(40_246))?;
+        let buckets = Number::of(buckets).ok_or_else(|| wrong(40_241))?;
+        let buckets = buckets.integral_32().ok_or_else(|| wrong(40_242))?;
+        let buckets = usize::try_from(buckets).ok().filter(|buckets| *buckets > 0).ok_or_else(|| wrong(40_243))?;
         let granularity = match spec.get("granularity") {
             None => None,
             Some(Bson::String(name)) => Some(Granularity::parse(name)?),

@@ -26,9 +26,15 @@ impl Facet {
         let mut pipelines = Vec::new();
         for (name, value) in spec {
             if name.is_empty() || name.starts_with('$') || name.contains('.') {
-                return Err(QueryError::invalid(16_410, format!("'{name}' cannot be a facet's name")));
+                let code = match name.as_str() {
+                    "" => 15_998,
+                    name if name.starts_with('$') => 16_410,
+                    _ => 16_412,
+                };
+                return Err(QueryError::invalid(code, format!("'{name}' cannot be a facet's name")));
             }
-            let stages = inner("$facet", value)?;
+            let code = if matches!(value, Bson::Array(_)) { 40_171 } else { 40_170 };
+            let stages = inner("$facet", value).map_err(|error| QueryError { code, ..error })?;
             let pipeline = Pipeline::parse_in(&stages, scope, depth + 1)?;
             if pipeline
                 .stages

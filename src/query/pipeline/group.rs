@@ -22,8 +22,10 @@ pub(super) struct Group {
 
 impl Group {
     pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
-        let id =
-            spec.get("_id").ok_or_else(|| QueryError::invalid(15_955, "a group specification must include an _id"))?;
+        let no_id = || QueryError::invalid(15_955, "a group specification must include an _id");
+        let Some(id) = spec.get("_id") else {
+            return Accumulators::parse(spec.iter(), scope).and_then(|_| Err(no_id()));
+        };
         if let Bson::Document(parts) = id
             && parts.values().any(|part| matches!(part, Bson::Boolean(_)) || Number::of(part).is_some())
             && !parts.keys().any(|name| name.starts_with('$'))

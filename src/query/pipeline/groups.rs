@@ -42,6 +42,9 @@ impl Accumulators {
     pub(super) fn parse<'a>(fields: impl Iterator<Item = (&'a String, &'a Bson)>, scope: &Scope) -> Result<Self> {
         let mut accumulators = Vec::new();
         for (name, spec) in fields {
+            if !Accumulator::is_one(spec) {
+                return Err(QueryError::invalid(40_234, format!("the field '{name}' must be an accumulator object")));
+            }
             if name.contains('.') {
                 return Err(QueryError::invalid(40_235, format!("the field name '{name}' cannot contain '.'")));
             }

@@ -68,7 +68,25 @@ impl Output {
     }
 }
 
+/// The codes of a place that is none: of its type, of its fields, and of the type of a field.
+fn check_shape(stage: &str, value: &Bson) -> Result<()> {
+    let is_out = stage == "$out";
+    let wrong = |code| Err(QueryError::invalid(code, format!("{stage} needs the name of a collection")));
+    match value {
+        Bson::String(name) if name.is_empty() => wrong(73),
+        Bson::String(_) => Ok(()),
+        Bson::Document(fields) if is_out => match (fields.len(), fields.get("db"), fields.get("coll")) {
+            (2, Some(Bson::String(_)), Some(Bson::String(_))) => Ok(()),
+            (2, Some(_), Some(_)) => wrong(13_111),
+            _ => wrong(16_994),
+        },
+        Bson::Document(_) => Ok(()),
+        _ => wrong(if is_out { 16_990 } else { 51_178 }),
+    }
+}
+
 fn place(stage: &str, value: &Bson) -> Result<Origin> {
+    check_shape(stage, value)?;
     let place = origin(stage, value)?;
     if place.collection.starts_with("system.")
         || place.collection.contains(['$', '\0'])
@@ -99,6 +117,9 @@ impl Merge {
             when_not_matched: WhenNotMatched::Insert,
             variables: None,
         };
+        if !matches!(argument, Bson::Document(_) | Bson::String(_)) {
+            return Err(QueryError::type_mismatch("$merge needs a string or an object"));
+        }
         let Bson::Document(spec) = argument else {
             merge.into = place("$merge", argument)?;
             return Ok(merge);
@@ -125,8 +146,11 @@ impl Merge {
                 "whenNotMatched" => merge.when_not_matched = not_matched(value)?,
                 "let" if !matches!(value, Bson::Null) => merge.variables = variables(value, scope)?,
                 "let" => {}
-                _ => return Err(QueryError::failed_to_parse(format!("unknown field of $merge: {name}"))),
+                _ => return Err(QueryError::invalid(40_415, format!("unknown field of $merge: {name}"))),
             }
+        }
+        if !spec.contains_key("into") {
+            return Err(QueryError::invalid(40_414, "$merge needs 'into'"));
         }
         if merge.into.collection.is_empty() {
             return Err(QueryError::failed_to_parse("$merge needs 'into'"));

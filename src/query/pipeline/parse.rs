@@ -122,6 +122,9 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut 
             }
             Stage::Sort(Sort::parse(pattern)?)
         }
+        "$limit" if Number::of(argument).and_then(Number::integral) == Some(0) => {
+            return Err(QueryError::invalid(15_958, "the limit must be positive"));
+        }
         "$limit" => Stage::Limit(positive(name, argument, 1)?),
         "$skip" => Stage::Skip(positive(name, argument, 0)?),
         "$count" => Stage::Count(count_name(argument)?),
@@ -131,8 +134,13 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut 
             let key = match argument {
                 Bson::String(path) if path.starts_with('$') => argument,
                 Bson::Document(inner) if inner.keys().next().is_some_and(|key| key.starts_with('$')) => argument,
-                _ => {
-                    return Err(QueryError::invalid(40_149, "the sortByCount field must be a $-path or an expression"));
+                wrong => {
+                    let code = match wrong {
+                        Bson::Document(_) => 40_147,
+                        Bson::String(_) => 40_148,
+                        _ => 40_149,
+                    };
+                    return Err(QueryError::invalid(code, "the sortByCount field must be a $-path or an expression"));
                 }
             };
             stages.push(Stage::Group(Group::counting(Expression::parse_in(key, scope)?)));
@@ -207,7 +215,12 @@ fn positive(name: &str, argument: &Bson, least: i64) -> Result<u64> {
         .and_then(Number::integral)
         .filter(|number| *number >= least)
         .and_then(|number| u64::try_from(number).ok())
-        .ok_or_else(|| QueryError::invalid(5_107_200, format!("invalid argument to {name} stage: {argument}")))
+        .ok_or_else(|| {
+            QueryError::invalid(
+                5_107_200 + i32::from(name == "$limit"),
+                format!("invalid argument to {name} stage: {argument}"),
+            )
+        })
 }
 
 fn count_name(argument: &Bson) -> Result<String> {
@@ -215,23 +228,77 @@ fn count_name(argument: &Bson) -> Result<String> {
         return Err(QueryError::invalid(40_156, "the count field must be a non-empty string"));
     };
     if name.is_empty() || name.starts_with('$') || name.contains(['\0', '.']) || name == "_id" {
-        return Err(QueryError::invalid(
-            40_157,
-            "the count field cannot be empty, start with '$', or contain '.' or NUL",
-        ));
+        let code = match name.as_str() {
+            name if name.starts_with('$') => 40_158,
+            name if name.contains('.') => 40_160,
+            _ => 40_157,
+        };
+        let message = "the count field cannot be empty, start with '$', or contain '.' or NUL";
+        return Err(QueryError::invalid(code, message));
     }
     Ok(name.clone())
 }
 
 fn sample_size(argument: &Document) -> Result<usize> {
-    let size = argument.get("size").filter(|_| argument.len() == 1).and_then(Number::of);
-    size.and_then(|size| match size {
-        Number::Decimal(size) => {
-            size.round_to(0, Rounding::HalfEven).to_i128().and_then(|size| i64::try_from(size).ok())
+    if let Some(name) = argument.keys().find(|name| *name != "size") {
+        return Err(QueryError::invalid(28_748, format!("unrecognized option to $sample: {name}")));
+    }
+    let size = argument.get("size").ok_or_else(|| QueryError::invalid(28_749, "$sample needs a size"))?;
+    let size = Number::of(size).ok_or_else(|| QueryError::invalid(28_746, "the size of $sample must be a number"))?;
+    let size = match size {
+        Number::Decimal(size) => Number::Decimal(size.round_to(0, Rounding::HalfEven)).to_long(),
+        other => other.to_long(),
+    };
+    usize::try_from(size).map_err(|_| QueryError::invalid(28_747, "the size of $sample may not be negative"))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::query::Pipeline;
+    use bson::{Document, doc};
+
+    fn code(stage: &Document) -> i32 {
+        Pipeline::parse(std::slice::from_ref(stage)).map_or_else(|error| error.code, |_| 0)
+    }
+
+    #[test]
+    fn each_stage_has_its_codes_for_the_wrong_shape() {
+        let table = [
+            (doc! { "$group": 1 }, 15_947),
+            (doc! { "$group": { "_id": 1, "x": 1 } }, 40_234),
+            (doc! { "$group": { "_id": 1, "x": { "a": 1 } } }, 40_234),
+            (doc! { "$group": { "_id": 1, "a.b": { "$sum": 1 } } }, 40_235),
+            (doc! { "$group": { "_id": 1, "x": { "$count": [] } } }, 40_237),
+            (doc! { "$group": { "_id": 1, "x": { "$topN": {} } } }, 5_788_003),
+            (doc! { "$group": { "_id": 1, "x": { "$firstN": { "input": 1 } } } }, 5_787_906),
+            (doc! { "$match": 1 }, 15_959),
+            (doc! { "$match": { "a": { "$comment": "x" } } }, 2),
+            (doc! { "$match": { "a": { "$size": -1 } } }, 2),
+            (doc! { "$sort": { "a": "x" } }, 15_974),
+            (doc! { "$sort": { "a": 2 } }, 15_975),
+            (doc! { "$sort": { "a": {} } }, 17_312),
+            (doc! { "$limit": 0 }, 15_958),
+            (doc! { "$limit": "x" }, 5_107_201),
+            (doc! { "$sample": { "size": 0 } }, 0),
+            (doc! { "$sample": { "size": "x" } }, 28_746),
+            (doc! { "$unwind": { "path": 1 } }, 28_808),
+            (doc! { "$unwind": { "path": "$a", "includeArrayIndex": "$b" } }, 28_822),
+            (doc! { "$count": "a.b" }, 40_160),
+            (doc! { "$sortByCount": "a" }, 40_148),
+            (doc! { "$facet": { "x": [1] } }, 40_171),
+            (doc! { "$bucketAuto": { "groupBy": "$a", "buckets": 0 } }, 40_243),
+            (doc! { "$bucket": { "groupBy": 1, "boundaries": [1, 2] } }, 40_202),
+            (doc! { "$project": { "a": { "$nothing": 1 } } }, 31_325),
+            (doc! { "$project": { "a": { "$add": [{ "$nothing": 1 }] } } }, 168),
+            (doc! { "$project": { "a..b": 1 } }, 15_998),
+            (doc! { "$addFields": { "a": 1, "a.b": 1 } }, 40_176),
+            (doc! { "$replaceRoot": { "newRoot": "$a", "x": 1 } }, 40_415),
+            (doc! { "$out": 1 }, 16_990),
+            (doc! { "$merge": { "into": 1 } }, 51_178),
+            (doc! { "$merge": {} }, 40_414),
+        ];
+        for (stage, expected) in table {
+            assert_eq!(code(&stage), expected, "{stage}");
         }
-        other => Some(other.to_long()),
-    })
-    .filter(|size| *size > 0)
-    .and_then(|size| usize::try_from(size).ok())
-    .ok_or_else(|| QueryError::invalid(28_747, "$sample needs a positive size"))
+    }
 }

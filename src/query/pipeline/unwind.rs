@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 
 use super::documents::{Documents, encode};
 use crate::query::error::{QueryError, Result};
+use crate::query::path::check_plain;
 
 /// A compiled `$unwind`.
 #[derive(Debug)]
@@ -16,6 +17,7 @@ pub(super) struct Unwind {
 impl Unwind {
     pub(super) fn parse(argument: &Bson) -> Result<Self> {
         let (mut path, mut index, mut preserve) = (None, None, false);
+        let wrong = |code, message: &str| Err(QueryError::invalid(code, message));
         match argument {
             Bson::String(text) => path = Some(text.as_str()),
             Bson::Document(fields) => {
@@ -23,20 +25,24 @@ impl Unwind {
                     match (name.as_str(), value) {
                         ("path", Bson::String(text)) => path = Some(text),
                         ("preserveNullAndEmptyArrays", Bson::Boolean(value)) => preserve = *value,
-                        ("includeArrayIndex", Bson::String(text)) if !text.is_empty() && !text.starts_with('$') => {
-                            index = Some(parts(text)?);
+                        ("includeArrayIndex", Bson::String(text)) if text.starts_with('$') => {
+                            return wrong(28_822, "includeArrayIndex of $unwind may not start with '$'");
                         }
-                        _ => {
-                            return Err(QueryError::invalid(
-                                28_811,
-                                format!("unrecognized or wrong option to $unwind: {name}"),
-                            ));
+                        ("includeArrayIndex", Bson::String(text)) if !text.is_empty() => index = Some(parts(text)?),
+                        ("path", _) => return wrong(28_808, "the path of $unwind must be a string"),
+                        ("preserveNullAndEmptyArrays", _) => {
+                            return wrong(28_809, "preserveNullAndEmptyArrays of $unwind must be a boolean");
                         }
+                        ("includeArrayIndex", _) => {
+                            return wrong(28_810, "includeArrayIndex of $unwind must be a non-empty string");
+                        }
+                        _ => return wrong(28_811, &format!("unrecognized option to $unwind: {name}")),
                     }
                 }
             }
             _ => return Err(QueryError::invalid(15_981, "$unwind needs a string or an object")),
         }
+        let path = path.filter(|path| !path.is_empty());
         let path = path.ok_or_else(|| QueryError::invalid(28_812, "no path specified to $unwind stage"))?;
         let path = path
             .strip_prefix('$')
@@ -105,7 +111,8 @@ impl Unwind {
 
 fn parts(path: &str) -> Result<Vec<String>> {
     let parts: Vec<String> = path.split('.').map(str::to_owned).collect();
-    if parts.iter().any(|part| part.is_empty() || part.starts_with('$') || part.contains('\0')) || parts.len() > 200 {
+    check_plain(path)?;
+    if path.contains('\0') || parts.len() > 200 {
         return Err(QueryError::invalid(16_410, format!("the field path '{path}' is not valid")));
     }
     Ok(parts)

@@ -8,6 +8,8 @@ use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::number::Number;
 
+/// MongoDB's code for an expression that it does not know.
+const UNKNOWN_EXPRESSION: i32 = 168;
 /// How deep projections may be nested.
 const MAX_DEPTH: usize = 100;
 
@@ -61,7 +63,8 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                     return Err(QueryError::invalid(31_252, message));
                 }
                 id = if path == "_id" { Some(false) } else { id };
-                root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?;
+                let expression = Expression::parse_in(value, scope).map_err(|error| unknown(value, error))?;
+                root.insert(&path, Item::Computed(expression))?;
             }
             Entry::Transform(operator) => {
                 check_path(&path)?;
@@ -82,6 +85,15 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
         return Err(QueryError::invalid(31_276, "cannot specify more than one positional projection per query"));
     }
     Ok((root, transforms))
+}
+
+/// An operator that is not known has another code where it is the value itself, and not within one.
+fn unknown(value: &Bson, mut error: QueryError) -> QueryError {
+    let name = value.as_document().and_then(|value| value.keys().next());
+    if error.code == UNKNOWN_EXPRESSION && name.is_some_and(|name| error.message.contains(&format!("'{name}'"))) {
+        error.code = 31_325;
+    }
+    error
 }
 
 /// Returns the first field other than `_id` decides.
@@ -131,12 +143,19 @@ fn flatten<'a>(
                     QueryError::invalid(31_395, "positional projection cannot be used with exclusion").about(name)
                 );
             }
+            if matches!(value, Bson::Document(_)) {
+                let message = "positional projection cannot be used with an expression or sub object";
+                return Err(QueryError::invalid(31_271, message));
+            }
             if !matches!(value, Bson::Boolean(true)) && Number::of(value).is_none() {
                 return Err(QueryError::invalid(31_308, "positional projection cannot be used with a literal"));
             }
             let path = path.trim_end_matches(".$").to_owned();
             entries.push((path, Entry::Transform(FindOperator::Positional)));
             continue;
+        }
+        if name.is_empty() {
+            return Err(QueryError::invalid(40_352, "a field path may not have an empty part"));
         }
         check_path(&path).map_err(|error| error.about(name))?;
         match value {
@@ -168,7 +187,7 @@ fn nested<'a>(
         return flatten(&path, inner, policy, entries, depth + 1);
     }
     if inner.len() > 1 {
-        return Err(QueryError::failed_to_parse("an expression must have exactly one field"));
+        return Err(QueryError::invalid(16_410, "an expression must have exactly one field"));
     }
     let entry = match (first.as_str(), policy) {
         ("$slice", Policy::Find) => match FindOperator::slice(inner.get("$slice").unwrap_or(&Bson::Null))? {
@@ -211,7 +230,17 @@ fn add(prefix: &str, spec: &Document, scope: &Scope, root: &mut Branch, depth: u
             Bson::Document(inner) if inner.is_empty() => {
                 return Err(QueryError::invalid(40_180, format!("an empty object is not a valid value for {path}")));
             }
-            value => root.insert(&path, Item::Computed(Expression::parse_in(value, scope)?))?,
+            Bson::Document(inner) if inner.len() > 1 => {
+                let message = format!("the expression at {path} must have exactly one field");
+                return Err(QueryError::invalid(40_181, message));
+            }
+            value => {
+                let expression = Item::Computed(Expression::parse_in(value, scope)?);
+                root.insert(&path, expression).map_err(|error| match error.code {
+                    31_249 | 31_250 => QueryError { code: 40_176, ..error },
+                    _ => error,
+                })?;
+            }
         }
     }
     Ok(())

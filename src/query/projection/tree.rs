@@ -91,15 +91,7 @@ impl Branch {
 
 /// Refuses paths with empty parts, parts with a `$`, and very long ones.
 pub(super) fn check_path(path: &str) -> Result<()> {
-    if path.is_empty() || path.split('.').any(str::is_empty) {
-        return Err(QueryError::invalid(40_353, format!("the field path '{path}' has an empty part")));
-    }
-    if path.split('.').any(|part| part.starts_with('$')) {
-        return Err(QueryError::invalid(
-            16_410,
-            format!("the field path '{path}' may not have a part that starts with '$'"),
-        ));
-    }
+    crate::query::path::check_plain(path)?;
     if path.contains('\0') {
         return Err(QueryError::invalid(16_411, "a field path may not contain a NUL"));
     }

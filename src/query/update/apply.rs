@@ -29,7 +29,10 @@ impl Application<'_> {
     pub(super) fn apply(&self, modifiers: &[Modifier], document: Document) -> Result<Document> {
         let mut document = document;
         for modifier in modifiers {
-            check_name(modifier)?;
+            // As in mongod, a document that is inserted may have such a field.
+            if !self.inserting {
+                check_name(modifier)?;
+            }
             match &modifier.action {
                 Action::SetOnInsert(_) if !self.inserting => {}
                 Action::Rename(source) => {

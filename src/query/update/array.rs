@@ -7,7 +7,7 @@ use bson::{Bson, Document};
 use super::outcome::Outcome;
 use crate::query::compare::{compare_values, equal_values};
 use crate::query::dollar::is_operators;
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{BAD_VALUE, QueryError, Result};
 use crate::query::filter::{Context, Node, Parser, Test};
 use crate::query::number::Number;
 use crate::query::path::Path;
@@ -43,7 +43,7 @@ impl Push {
         }
         for (name, value) in modifiers {
             match name.as_str() {
-                "$each" => push.each = elements(value)?,
+                "$each" => push.each = elements(value).map_err(bad)?,
                 "$position" => push.position = Some(integer(name, value)?),
                 "$slice" => push.slice = Some(integer(name, value)?),
                 "$sort" => push.sort = Some(order(value)?),
@@ -92,12 +92,17 @@ fn is_modifiers(document: &Document) -> bool {
     document.contains_key("$each")
 }
 
+/// The same error as one of a value: `$push` has no other code for its modifiers.
+fn bad(error: QueryError) -> QueryError {
+    QueryError { code: BAD_VALUE, ..error }
+}
+
 fn order(value: &Bson) -> Result<Order> {
     match value {
         Bson::Document(pattern) if pattern.is_empty() => {
             Err(QueryError::bad_value("the $sort pattern is empty when it should be a set of fields"))
         }
-        Bson::Document(pattern) => Ok(Order::Fields(Ranking::parse(pattern)?)),
+        Bson::Document(pattern) => Ok(Order::Fields(Ranking::parse(pattern).map_err(bad)?)),
         value => match Number::of(value).and_then(Number::integral) {
             Some(1) => Ok(Order::Whole { descending: false }),
             Some(-1) => Ok(Order::Whole { descending: true }),

@@ -112,10 +112,8 @@ pub(super) fn path(text: &str) -> Result<Vec<Segment>> {
             "$[]" => Segment::All,
             part => match part.strip_prefix("$[").and_then(|rest| rest.strip_suffix(']')) {
                 Some(name) => Segment::Filtered(name.to_owned()),
-                None if segments.is_empty()
-                    && part.starts_with('$')
-                    && !crate::query::dollar::is_reference_key(part) =>
-                {
+                // Other names with a dollar are looked at where a document gets them.
+                None if segments.is_empty() && part.starts_with("$[") => {
                     let message =
                         format!("the dollar ($) prefixed field '{part}' in '{text}' is not valid for storage");
                     return Err(QueryError::invalid(52, message));

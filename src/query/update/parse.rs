@@ -5,7 +5,7 @@ use bson::{Bson, Document};
 use super::array::{self, Pull, Push};
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Bitwise, Modifier, Segment, check_conflicts, order, path};
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{BAD_VALUE, QueryError, Result};
 use crate::query::number::Number;
 
 /// Reads the argument of an operator at a path.
@@ -47,6 +47,9 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
             );
         };
         for (text, value) in fields {
+            if name == "$rename" {
+                check_renamed(text, value)?;
+            }
             let path = path(text).map_err(|error| error.about(text))?;
             for segment in &path {
                 if let Segment::Filtered(identifier) = segment {
@@ -61,14 +64,18 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
                         let message = format!("the source field for $rename may not be dynamic: {text}");
                         return Err(QueryError::bad_value(message));
                     }
+                    if target.starts_with(&path) || path.starts_with(&target) {
+                        let message = "the source and target field for $rename must not be on the same path";
+                        return Err(QueryError::bad_value(format!("{message}: {text}")));
+                    }
                     Modifier { path: target, text: text.clone(), action: Action::Rename(path) }
                 }
                 action => Modifier { path, text: text.clone(), action },
             });
         }
+        conflicts(&modifiers)?;
     }
     filters.check_used()?;
-    conflicts(&modifiers)?;
     modifiers.sort_by(|a, b| order(&a.path, &b.path));
     Ok(modifiers)
 }
@@ -94,14 +101,23 @@ fn number(operator: &str, path: &str, value: &Bson) -> Result<Number> {
     })
 }
 
+fn check_renamed(text: &str, target: &Bson) -> Result<()> {
+    match target {
+        Bson::String(_) => Ok(()),
+        _ => Err(QueryError::bad_value(format!("the 'to' field for $rename must be a string: {text}: {target}"))),
+    }
+}
+
 fn rename(text: &str, value: &Bson) -> Result<Action> {
-    let Bson::String(target) = value else {
-        return Err(QueryError::bad_value(format!("the 'to' field for $rename must be a string: {text}: {value}")));
-    };
+    check_renamed(text, value)?;
+    let target = value.as_str().unwrap_or_default();
+    if target.starts_with('$') {
+        return Err(QueryError::bad_value("the 'to' field for $rename may not start with '$'"));
+    }
     if target.contains('\0') {
         return Err(QueryError::bad_value("the 'to' field for $rename cannot contain an embedded null byte"));
     }
-    let target = path(target)?;
+    let target = path(target).map_err(|error| QueryError { code: BAD_VALUE, ..error })?;
     if has_positions(&target) {
         return Err(QueryError::bad_value("the destination field for $rename may not be dynamic"));
     }
@@ -147,5 +163,28 @@ fn pop(_: &str, value: &Bson) -> Result<Action> {
         Some(-1) => Ok(Action::Pop { first: true }),
         Some(1) => Ok(Action::Pop { first: false }),
         _ => Err(QueryError::failed_to_parse("$pop expects 1 or -1")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::query::Update;
+    use bson::doc;
+
+    #[test]
+    fn each_operator_has_its_codes_for_the_wrong_shape() {
+        let table = [
+            (doc! { "$push": { "a": { "$each": 1 } } }, 2),
+            (doc! { "$push": { "a": { "$each": [], "$sort": { "a": 0 } } } }, 2),
+            (doc! { "$addToSet": { "a": { "$each": 1 } } }, 14),
+            (doc! { "$rename": { "a": "a" } }, 2),
+            (doc! { "$rename": { "a": "$b" } }, 2),
+            (doc! { "$set": { "a": 1 }, "$inc": { "a": 1 }, "$none": 1 }, 40),
+            (doc! { "$set": { "$a": 1 } }, 0),
+        ];
+        for (update, expected) in table {
+            let code = Update::parse(&update, &[]).map_or_else(|error| error.code, |_| 0);
+            assert_eq!(code, expected, "{update}");
+        }
     }
 }

@@ -50,6 +50,9 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
 
 fn drop_database(memory: &Memory, call: &Call) -> Answer {
     call.request.fields().known(&[])?;
+    if call.request.database == "admin" {
+        return Err(Failure::new(codes::ILLEGAL, "Dropping the 'admin' database is prohibited."));
+    }
     let mut all = memory.all_collections()?;
     all.retain(|ns| ns.database == call.request.database);
     for ns in &all {

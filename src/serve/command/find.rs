@@ -42,10 +42,10 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
     let find = read(fields)?;
     let memory = host.memory()?;
-    let (limit, is_single) = limit(fields)?;
+    let limit = find.limit;
     let batch = FirstBatch {
         size: fields.size("batchSize")?,
-        is_only: is_single || fields.flag("singleBatch")?,
+        is_only: fields.flag("singleBatch")?,
         never_expires: fields.flag("noCursorTimeout")?,
     };
     // One batch, of as many as there may be.
@@ -58,24 +58,28 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
 /// The query of a `find`.
 pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
     fields.check(&TAKEN, &REFUSED)?;
+    fields.strict_flag("allowDiskUse")?;
+    for name in ["filter", "sort", "projection"] {
+        fields.refuse_null(name)?;
+    }
     Ok(Find {
         filter: fields.document_or_empty("filter")?,
         sort: fields.document_or_empty("sort")?,
         skip: fields.size("skip")?.unwrap_or(0),
-        limit: limit(fields)?.0,
+        limit: fields.size("limit")?.unwrap_or(0),
         projection: fields.document_or_empty("projection")?,
         modifiers: fields.modifiers()?,
         current: false,
     })
 }
 
-/// At most so many documents; a negative number asks for them in one batch.
-fn limit(fields: Fields<'_>) -> Result<(u64, bool), Failure> {
+/// At most so many documents are counted; of a negative number, only the size matters.
+fn limit(fields: Fields<'_>) -> Result<u64, Failure> {
     let limit = fields.whole("limit")?.unwrap_or(0);
     if limit == i64::MIN {
         return Err(Failure::new(codes::BAD_VALUE, "the limit is too small"));
     }
-    Ok((limit.unsigned_abs(), limit < 0))
+    Ok(limit.unsigned_abs())
 }
 
 fn count(host: &mut Host<'_>, call: &Call) -> Answer {
@@ -86,7 +90,7 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
     let all = call.access(memory).count(&ns, Query { filter: &filter, modifiers: &modifiers })?;
     check_limit(fields)?;
     let rest = all.saturating_sub(fields.size("skip")?.unwrap_or(0));
-    let n = match limit(fields)?.0 {
+    let n = match limit(fields)? {
         0 => rest,
         limit => rest.min(limit),
     };
@@ -112,4 +116,19 @@ fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
     let query = Query { filter: &filter, modifiers: &modifiers };
     let values = call.access(host.memory()?).distinct(&ns, key, query)?;
     raw(&doc! { "values": values })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::Document;
+
+    #[test]
+    fn options_of_the_wrong_type_are_refused() {
+        let code = |body: Document| read(Fields::new("find", &body)).map_or_else(|failure| failure.code, |_| 0);
+        assert_eq!(code(doc! { "find": "c", "limit": -1 }), 51_024);
+        assert_eq!(code(doc! { "find": "c", "allowDiskUse": 1 }), codes::TYPE_MISMATCH);
+        assert_eq!(code(doc! { "find": "c", "sort": Bson::Null }), codes::TYPE_MISMATCH);
+        assert_eq!(code(doc! { "find": "c", "limit": 1, "allowDiskUse": true, "hint": Bson::Null }), 0);
+    }
 }

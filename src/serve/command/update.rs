@@ -56,9 +56,8 @@ fn update_one(
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
     fields.check_inside(&taken, &["sort", "upsertSupplied"])?;
-    let mut modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
-    modifiers.variables.extend(constants(fields)?);
-    let request = UpdateRequest {
+    let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
+    let mut request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
         update: spec(fields, "u")?.ok_or_else(|| fields.missing("u"))?,
         array_filters: array_filters(fields)?,
@@ -66,6 +65,7 @@ fn update_one(
         upsert: fields.flag("upsert")?,
         modifiers,
     };
+    request.modifiers.variables.extend(constants(fields)?);
     Ok(call.access(memory).update(ns, &request)?)
 }
 

@@ -96,11 +96,8 @@ impl Embedded {
                 let piece: Vec<_> = input.by_ref().take(PIECE).collect();
                 is_over = piece.len() < PIECE;
                 let sources = |origin: &Origin| self.matches(&named(origin, &ns), &Document::new());
-                let mut made: Vec<_> = pipeline.run(Box::new(piece.into_iter()), now, &sources).collect();
-                if let Some(failed) = made.iter().position(Result::is_err) {
-                    made.truncate(failed + 1);
-                    is_over = true;
-                }
+                let made = until_failed(pipeline.run(Box::new(piece.into_iter()), now, &sources));
+                is_over |= made.last().is_some_and(Result::is_err);
                 results = made.into_iter();
             }
         }))
@@ -127,6 +124,19 @@ impl Embedded {
     }
 }
 
+/// What there is up to the first failure: nothing behind it is computed.
+fn until_failed<T, E>(results: impl Iterator<Item = Result<T, E>>) -> Vec<Result<T, E>> {
+    let mut made = Vec::new();
+    for result in results {
+        let has_failed = result.is_err();
+        made.push(result);
+        if has_failed {
+            break;
+        }
+    }
+    made
+}
+
 /// The filter of a `$match` or `$geoNear` in front: only what it matches needs to be read.
 fn first_filter(stages: &[Document]) -> Document {
     let matched = |stage: &Document| match stage.get_document("$geoNear") {
@@ -139,4 +149,17 @@ fn first_filter(stages: &[Document]) -> Document {
 pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {
     let database = origin.database.as_ref().unwrap_or(&ns.database);
     Namespace { database: database.clone(), collection: origin.collection.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_computed_behind_a_failure() {
+        let mut asked = 0;
+        let results = (0..9).map(|number| if number == 2 { Err(number) } else { Ok(number) }).inspect(|_| asked += 1);
+        assert_eq!(until_failed(results), [Ok(0), Ok(1), Err(2)]);
+        assert_eq!(asked, 3);
+    }
 }

@@ -117,7 +117,15 @@ fn moment(operator: &str, value: &Bson) -> Result<i64> {
         Bson::DateTime(moment) => Ok(moment.timestamp_millis()),
         Bson::Timestamp(timestamp) => Ok(i64::from(timestamp.time) * 1000),
         Bson::ObjectId(id) => Ok(object_id_millis(id)),
-        other => Err(wrong_type(16_006, operator, "a date", other)),
+        other => {
+            let code = match operator {
+                "$dateAdd" | "$dateSubtract" => 5_166_403,
+                "$dateDiff" => 5_166_307,
+                "$dateTrunc" => 5_439_012,
+                _ => 16_006,
+            };
+            Err(wrong_type(code, operator, "a date", other))
+        }
     }
 }
 
@@ -137,14 +145,22 @@ fn zone(arguments: &Arguments, index: usize) -> Result<Option<Zone>> {
         Bson::String(name) => Zone::parse(name)
             .map(Some)
             .ok_or_else(|| QueryError::invalid(40_485, format!("unrecognized time zone identifier: \"{name}\""))),
-        other => Err(wrong_type(40_517, arguments.operator, "a time zone as string", other)),
+        other => {
+            let code = if is_part(arguments.operator) { 40_533 } else { 40_517 };
+            Err(wrong_type(code, arguments.operator, "a time zone as string", other))
+        }
     }
 }
 
+/// Whether it takes a part out of a date: these need no names of arguments.
+fn is_part(operator: &str) -> bool {
+    NAMED.iter().any(|named| named.bare && named.name == operator)
+}
+
 fn part(arguments: &Arguments, take: fn(Civil) -> Bson) -> Result<Value> {
-    let Some(zone) = zone(arguments, 1)? else { return Ok(Some(Bson::Null)) };
     let Some(value) = arguments.present(0) else { return Ok(Some(Bson::Null)) };
     let millis = moment(arguments.operator, value)?;
+    let Some(zone) = zone(arguments, 1)? else { return Ok(Some(Bson::Null)) };
     Ok(Some(take(Civil::from_millis(zone.local(millis)))))
 }
 
@@ -190,7 +206,6 @@ fn from_parts(arguments: &Arguments) -> Result<Value> {
             "$dateFromParts requires either 'year' or 'isoWeekYear' to be present",
         ));
     }
-    let Some(zone) = zone(arguments, 10)? else { return Ok(Some(Bson::Null)) };
     let mut parts = [0i64; 10];
     for (index, part) in parts.iter_mut().enumerate() {
         let default = if matches!(index, 1 | 2 | 8 | 9) { 1 } else { 0 };
@@ -202,6 +217,7 @@ fn from_parts(arguments: &Arguments) -> Result<Value> {
             })?,
         };
     }
+    let Some(zone) = zone(arguments, 10)? else { return Ok(Some(Bson::Null)) };
     let [year, month, day, hour, minute, second, millisecond, iso_year, iso_week, iso_day] = parts;
     if plain && !(1..=9999).contains(&year) || iso && !(1..=9999).contains(&iso_year) {
         return Err(QueryError::invalid(40_523, "the year must be between 1 and 9999"));
@@ -277,7 +293,11 @@ fn unit(arguments: &Arguments, index: usize) -> Result<Option<Unit>> {
         Bson::String(name) => Unit::parse(name)
             .map(Some)
             .ok_or_else(|| QueryError::failed_to_parse(format!("unknown time unit value: {name}"))),
-        other => Err(wrong_type(5_439_013, arguments.operator, "a unit as string", other)),
+        other => {
+            let moves = matches!(arguments.operator, "$dateAdd" | "$dateSubtract");
+            let code = if moves { 5_166_404 } else { 5_439_013 };
+            Err(wrong_type(code, arguments.operator, "a unit as string", other))
+        }
     }
 }
 
@@ -300,8 +320,18 @@ fn start_of_week(arguments: &Arguments, index: usize) -> Result<Option<i64>> {
     }
 }
 
+/// Whether an argument is null, which decides before any that is wrong.
+fn nothing(arguments: &Arguments) -> bool {
+    (0..arguments.values.len()).any(|index| arguments.given(index) && arguments.present(index).is_none())
+}
+
 fn moved(arguments: &Arguments, sign: i64) -> Result<Value> {
     let operator = arguments.operator;
+    if nothing(arguments) {
+        return Ok(Some(Bson::Null));
+    }
+    let zone = zone(arguments, 3)?;
+    let start = arguments.present(0).map(|start| moment(operator, start)).transpose()?;
     let unit = unit(arguments, 1)?;
     let amount = match arguments.present(2) {
         None => None,
@@ -311,27 +341,27 @@ fn moved(arguments: &Arguments, sign: i64) -> Result<Value> {
                 .ok_or_else(|| QueryError::invalid(5_166_405, format!("{operator} expects an integer amount")))?,
         ),
     };
-    let zone = zone(arguments, 3)?;
-    let (Some(start), Some(unit), Some(amount), Some(zone)) = (arguments.present(0), unit, amount, zone) else {
+    let (Some(start), Some(unit), Some(amount), Some(zone)) = (start, unit, amount, zone) else {
         return Ok(Some(Bson::Null));
     };
     let overflow = || QueryError::invalid(5_166_406, format!("{operator} overflowed"));
-    let start = moment(operator, start)?;
     let amount = amount.checked_mul(sign).ok_or_else(overflow)?;
     let moved = date_step(start, unit, amount, &zone).ok_or_else(overflow)?;
     Ok(Some(Bson::DateTime(DateTime::from_millis(moved))))
 }
 
 fn difference(arguments: &Arguments) -> Result<Value> {
-    let unit = unit(arguments, 2)?;
+    if nothing(arguments) {
+        return Ok(Some(Bson::Null));
+    }
     let zone = zone(arguments, 3)?;
+    let date = |index: usize| arguments.present(index).map(|date| moment("$dateDiff", date)).transpose();
+    let (start, end) = (date(0)?, date(1)?);
+    let unit = unit(arguments, 2)?;
     let week = if unit == Some(Unit::Week) { start_of_week(arguments, 4)? } else { Some(0) };
-    let (Some(start), Some(end), Some(unit), Some(zone), Some(week)) =
-        (arguments.present(0), arguments.present(1), unit, zone, week)
-    else {
+    let (Some(start), Some(end), Some(unit), Some(zone), Some(week)) = (start, end, unit, zone, week) else {
         return Ok(Some(Bson::Null));
     };
-    let (start, end) = (moment("$dateDiff", start)?, moment("$dateDiff", end)?);
     date_difference(start, end, unit, week, &zone)
         .map(|difference| Some(Bson::Int64(difference)))
         .ok_or_else(|| QueryError::invalid(5_166_308, "$dateDiff overflowed"))
@@ -341,6 +371,11 @@ fn difference(arguments: &Arguments) -> Result<Value> {
 const MOST_UNITS: i64 = 100_000_000_000;
 
 fn truncated(arguments: &Arguments) -> Result<Value> {
+    if nothing(arguments) {
+        return Ok(Some(Bson::Null));
+    }
+    let zone = zone(arguments, 3)?;
+    let date = arguments.present(0).map(|date| moment("$dateTrunc", date)).transpose()?;
     let unit = unit(arguments, 1)?;
     let bin = match arguments.get(2) {
         _ if !arguments.given(2) => Some(1),
@@ -355,13 +390,10 @@ fn truncated(arguments: &Arguments) -> Result<Value> {
     if bin.is_some_and(|bin| bin > MOST_UNITS) {
         return Err(QueryError::invalid(5_439_006, format!("$dateTrunc takes a 'binSize' of at most {MOST_UNITS}")));
     }
-    let zone = zone(arguments, 3)?;
     let week = if unit == Some(Unit::Week) { start_of_week(arguments, 4)? } else { Some(0) };
-    let (Some(date), Some(unit), Some(bin), Some(zone), Some(week)) = (arguments.present(0), unit, bin, zone, week)
-    else {
+    let (Some(millis), Some(unit), Some(bin), Some(zone), Some(week)) = (date, unit, bin, zone, week) else {
         return Ok(Some(Bson::Null));
     };
-    let millis = moment("$dateTrunc", date)?;
     date_bin(millis, unit, bin, week, &zone)
         .map(|millis| Some(Bson::DateTime(DateTime::from_millis(millis))))
         .ok_or_else(|| QueryError::invalid(5_439_018, "$dateTrunc overflowed"))

@@ -191,9 +191,8 @@ fn number(keyword: &str, value: &Bson) -> Result<Number> {
 }
 
 fn size(keyword: &str, value: &Bson) -> Result<usize> {
-    let number = number(keyword, value)?;
-    number
-        .integral()
+    Number::of(value)
+        .and_then(Number::integral)
         .and_then(|size| usize::try_from(size).ok())
         .ok_or_else(|| invalid(format!("$jsonSchema keyword '{keyword}' must be an integer that is not negative")))
 }
