@@ -77,7 +77,9 @@ fn numeric(operator: &str, value: &Bson) -> Result<Number> {
         "$mod" => 16_611,
         _ => TYPE_MISMATCH,
     };
-    Number::of(value).ok_or_else(|| wrong_type(code, operator, "a numeric type", value))
+    Number::of(value).ok_or_else(|| {
+        QueryError::invalid(code, format!("{operator} only supports numeric types, not {}", type_name(value)))
+    })
 }
 
 fn sum_all(values: &[Value]) -> Result<Value> {
