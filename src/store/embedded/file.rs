@@ -27,6 +27,7 @@ use super::indexed::Remembered;
 use super::known::Known;
 use super::log_size::LogSize;
 use super::place::Place;
+use super::spare::Spare;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
 use crate::store::StoreError;
@@ -143,10 +144,14 @@ impl Embedded {
         Self::prepare(connection, place)
     }
 
-    /// The same file opened once more; none where that cannot be done, or another file has taken its name.
+    /// The same file opened once more, with a quarter of the cache; none where that cannot be done, or another file has taken
+    /// its name.
     pub(super) fn again(&self) -> Option<Self> {
         let path = self.place.file().filter(|_| self.identity.is_some() && self.place.identity() == self.identity)?;
-        Self::open(path).ok()
+        let other = Self::open(path).ok()?;
+        let cache: i64 = self.connection.query_row("PRAGMA cache_size", [], |row| row.get(0)).ok()?;
+        other.connection.pragma_update(None, "cache_size", cache / 4).ok()?;
+        Some(other)
     }
 
     /// A memory without a file, which ends with the store.
@@ -186,6 +191,7 @@ impl Embedded {
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),
             log_size: LogSize::default(),
+            spare: Spare::default(),
         })
     }
 }

@@ -42,6 +42,7 @@ mod scan;
 mod search;
 mod slices;
 mod snapshot;
+mod spare;
 mod statistics;
 mod transaction;
 mod verbs;
@@ -58,6 +59,7 @@ use indexed::Remembered;
 use known::Known;
 use log_size::LogSize;
 use place::{Identity, Place};
+use spare::Spare;
 use transaction::Log;
 
 pub use busy::tell_waits;
@@ -89,4 +91,5 @@ pub struct Embedded {
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.
     is_crowded: Cell<bool>,
     log_size: LogSize,
+    spare: Spare,
 }

@@ -26,7 +26,7 @@ use super::page::PageError;
 use super::snapshot::Snapshot;
 use super::{Embedded, body, failure};
 use crate::query::{Filter, Sort, collation};
-use crate::store::{Hint, Store as _, StoreError, metadata};
+use crate::store::{Hint, StoreError, metadata};
 
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
@@ -34,8 +34,6 @@ const PAGE_BYTES: usize = 256 << 10;
 const PAGE_DOCUMENTS: usize = 512;
 /// The most documents examined for a page, matching or not.
 const PAGE_ROWS: usize = 20_000;
-/// The bytes of pages of the file that a second thread keeps.
-const CACHE: usize = 1 << 20;
 /// How many documents are looked at before a scan is a long one, and how many have to be left to be worth a thread: opening
 /// the file again takes about as long as reading a thousand.
 const LONG: usize = 8_192;
@@ -361,12 +359,11 @@ impl<'a> Scan<'a> {
             return None;
         }
         let slot = Slot::take()?;
-        let store = self.store.again()?;
-        // What was read is not needed again.
-        store.limit_cache(CACHE).ok()?;
+        let lent = self.store.spare.lend(|| self.store.again())?;
         let (collection, filter) = (self.collection, Arc::clone(&self.filter));
         Ahead::start(slot, (behind, last), move |stretch, send| {
-            let mut scan = Scan::stretch(&store, collection, &filter, stretch);
+            let Some(store) = lent.store() else { return false };
+            let mut scan = Scan::stretch(store, collection, &filter, stretch);
             loop {
                 let page = scan.page(is_counted);
                 let is_last = page.as_ref().map(|page| page.is_last).ok();
@@ -639,7 +636,7 @@ mod tests {
     use rusqlite::Connection;
 
     use super::*;
-    use crate::store::{Aggregation, Find, Modifiers, Namespace};
+    use crate::store::{Aggregation, Find, Modifiers, Namespace, Store as _};
 
     const COUNT: i32 = 40_000;
 
@@ -697,8 +694,9 @@ mod tests {
             assert!(is_started(LONG as i64) || tries.any(|()| is_started(LONG as i64)));
         }
         assert!(!is_started(LONG as i64 - 1));
+        let other = Embedded::open(&path).unwrap();
         std::fs::rename(&path, folder.path().join("b.rmem")).unwrap();
-        assert!(!is_started(LONG as i64), "the file has another name");
+        assert!(scan(&other).ahead((0, LONG as i64), true).is_none(), "the file has another name");
         assert!(!path.exists());
         let memory = Embedded::in_memory().unwrap();
         memory.insert(&ns, vec![doc! {}]).unwrap();
