@@ -110,19 +110,6 @@ impl StoreError {
         }
     }
 
-    /// The error of documents behind others, which are stored.
-    pub(super) fn behind(self, before: &[Bson]) -> Self {
-        let all = |stored: Vec<Bson>| [before, &stored].concat();
-        match self {
-            Self::Duplicate { namespace, key, stored } => Self::Duplicate { namespace, key, stored: all(stored) },
-            Self::Stopped { stored, document, source } => {
-                let document = document.map(|nth| nth + before.len());
-                Self::Stopped { stored: all(stored), document, source }
-            }
-            other => other,
-        }
-    }
-
     /// The error with the number of the document at fault, of `count`, and the `_id`s that are stored.
     pub(crate) fn stopped(self, stored: Vec<Bson>, count: usize) -> Self {
         match self {

@@ -145,6 +145,21 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
     StoreError::Duplicate { namespace: ns.clone(), key, stored }
 }
 
+/// The error of an insert of documents behind others, which are stored.
+pub(super) fn behind(before: &[Bson], error: StoreError) -> StoreError {
+    let all = |stored: Vec<Bson>| [before, &stored].concat();
+    match error {
+        StoreError::Duplicate { namespace, key, stored } => {
+            StoreError::Duplicate { namespace, key, stored: all(stored) }
+        }
+        StoreError::Stopped { stored, document, source } => {
+            let document = document.map(|nth| nth + before.len());
+            StoreError::Stopped { stored: all(stored), document, source }
+        }
+        other => other,
+    }
+}
+
 /// The driver's message without its debug output.
 pub(super) fn brief(error: &Error) -> String {
     error.kind.to_string()

@@ -276,7 +276,7 @@ impl MongoDb {
             };
             let more = error.stored().len();
             if !matches!(error, StoreError::Duplicate { .. }) || !make_room()? {
-                return Err(error.behind(&ids[..stored]));
+                return Err(failure::behind(&ids[..stored], error));
             }
             stored += more;
         }
