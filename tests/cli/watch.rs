@@ -355,7 +355,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
     [exit code: 3]
     $ rmem watch a.b --count 0
     ------- stderr -------
-    error: invalid value '0' for '--count <N>': 0 is not in 1..18446744073709551615
+    error: invalid value '0' for '--count <N>': expected a whole number from 1 on
 
     For more information, try '--help'.
     [exit code: 2]

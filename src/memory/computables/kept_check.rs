@@ -97,8 +97,10 @@ mod tests {
             .with_warnings(Rc::new(move |warning| sink.borrow_mut().push(warning.to_owned())));
         let place = Namespace::parse("a.rmem.computables").unwrap();
         let wrong = doc! { "_id": "wrong", "collection": ["a.bad", "a.worse"], "spec": 7 };
-        let error = memory.insert(&place, vec![good("fine", "a.good"), wrong.clone()]).unwrap_err();
-        assert!(error.to_string().contains("the document `wrong` is none: `spec`: expected a query"), "{error}");
+        let error = memory.insert(&place, vec![good("early", "a.early"), wrong.clone()]).unwrap_err();
+        assert_eq!(error.stored(), ["early".into()]);
+        let reason = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+        assert!(reason.contains("the document `wrong` is none: `spec`: expected a query"), "{reason}");
         // As a client of MongoDB writes it.
         let all = vec![wrong, doc! { "x": 1 }, good("fine", "a.good")];
         memory.routes.of(&place).unwrap().insert(&place, all).unwrap();
@@ -110,7 +112,7 @@ mod tests {
         assert!(error.contains("a document with _id \"wrong\" that is no computable: `spec`"), "{error}");
         let (computables, wrong) = memory.computables().unwrap();
         let names: Vec<&str> = computables.iter().map(|computable| computable.definition.name.as_str()).collect();
-        assert_eq!((names, wrong.len()), (vec!["fine"], 2));
+        assert_eq!((names, wrong.len()), (vec!["early", "fine"], 2));
         assert!(memory.forget_computable("wrong").unwrap().is_some());
         assert_eq!(count("a.worse").unwrap(), 0);
     }
