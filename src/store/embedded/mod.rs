@@ -91,5 +91,5 @@ pub struct Embedded {
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.
     is_crowded: Cell<bool>,
     log_size: LogSize,
-    spare: Spare,
+    spare: Spare<Embedded>,
 }
