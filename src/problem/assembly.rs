@@ -115,6 +115,9 @@ pub(super) struct Assembled {
     pub(super) values: HashMap<String, Bson>,
 }
 
+/// The most parts of a token.
+const MOST_PARTS: usize = 1_000_000;
+
 /// What ends a token.
 fn is_delimiter(c: char) -> bool {
     c.is_whitespace() || matches!(c, '(' | ')' | ';' | '"')
@@ -165,6 +168,18 @@ impl Assembler {
         Ok(())
     }
 
+    /// Refuses a token of so many parts that it could be larger than any memory.
+    fn check_token(&self) -> Result<(), Diagnostic> {
+        match self.parts.len() > MOST_PARTS {
+            false => Ok(()),
+            true => {
+                let message =
+                    format!("the template writes a word of more than {MOST_PARTS} parts; is a blank missing?");
+                Err(self.template.complain(Span::default(), message))
+            }
+        }
+    }
+
     fn stretch(&mut self, text: &str, place: Option<Place>) -> Result<(), Diagnostic> {
         let after = |length: usize| place.as_ref().map(|place| place.after(length));
         let mut start = 0;
@@ -175,7 +190,7 @@ impl Assembler {
                 self.part(head, PartKind::Text(after(0)));
             }
             if tail.is_empty() {
-                return Ok(());
+                return self.check_token();
             }
             self.flush()?;
         }
@@ -191,6 +206,10 @@ impl Assembler {
 
     /// Adds a part to the token.
     fn part(&mut self, text: &str, kind: PartKind) {
+        // One more than there may be is kept, so that it is refused.
+        if self.parts.len() > MOST_PARTS {
+            return;
+        }
         self.token.push_str(text);
         self.parts.push(Part { end: self.token.len(), kind });
     }
@@ -257,6 +276,7 @@ impl Assembler {
 
     /// Writes the token under way.
     pub(super) fn flush(&mut self) -> Result<(), Diagnostic> {
+        self.check_token()?;
         let (mut token, mut parts) = (std::mem::take(&mut self.token), std::mem::take(&mut self.parts));
         let flushed = self.put(&token, &mut parts);
         token.clear();
@@ -380,6 +400,26 @@ mod tests {
         }
         assembler.text(rest).map_err(|error| error.to_string())?;
         assembler.finish().map(|assembled| assembled.text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_word_of_millions_of_parts_is_refused() {
+        let texts = Texts::new(&crate::formats::Source::new("t", ""), []);
+        let fill = |count: usize, value: bool| {
+            let mut assembler = Assembler::without_notes(&texts);
+            for _ in 0..count {
+                match value {
+                    true => assembler.plain_value("a", false),
+                    false => assembler.text("a")?,
+                }
+            }
+            assembler.finish().map(|assembled| assembled.text.len())
+        };
+        assert_eq!(fill(MOST_PARTS, false).unwrap(), MOST_PARTS);
+        for value in [false, true] {
+            let refused = fill(2 * MOST_PARTS, value).unwrap_err();
+            assert!(refused.message().contains("a word of more than 1000000 parts"), "{refused}");
+        }
     }
 
     fn assemble(text: &str) -> Result<String, String> {
