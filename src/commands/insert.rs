@@ -4,7 +4,7 @@
 //! producer's documents are in the memory soon and a long file is read once.
 
 use std::fs::File;
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
@@ -170,13 +170,17 @@ fn read_file(
         batch.name = source.name().into();
         return documents.try_for_each(|document| batch.add(document?, None, memory, context));
     }
-    if path == Path::new("-") {
-        return read_stdin(batch, memory, context);
-    }
-    let name = path.display().to_string();
-    let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+    // The ids are printed while stdin is read: the two are apart from here on.
+    let (name, mut input): (String, Box<dyn BufRead + '_>) = match path == Path::new("-") {
+        true => ("<stdin>".to_owned(), Box::new(context.take_stdin()?)),
+        false => {
+            let name = path.display().to_string();
+            let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+            (name, Box::new(BufReader::new(file)))
+        }
+    };
     batch.name = name.as_str().into();
-    for document in Reader::new(name, BufReader::new(file)) {
+    for document in Reader::new(name, &mut input) {
         if is_interrupted() {
             break;
         }
@@ -229,17 +233,6 @@ fn after(error: Error, stored: usize) -> Error {
         text => format!("{text}: {cause}"),
     });
     error.context(format!("{reasons}\n  {before}"))
-}
-
-fn read_stdin(batch: &mut Batch<'_>, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
-    // The ids are printed while stdin is read: the two are apart from here on.
-    let mut stdin = context.take_stdin()?;
-    batch.name = "<stdin>".into();
-    for document in Reader::new("<stdin>", &mut stdin) {
-        let (place, document) = document.map_err(of_other_type)?;
-        batch.add(document, Some(place), memory, context)?;
-    }
-    Ok(())
 }
 
 /// The error with the option for CSV or YAML, where the first line looks like it.

@@ -31,7 +31,7 @@ fn a_backup_is_the_memory_at_one_moment() {
 #[test]
 fn a_backup_that_cannot_be_written_names_the_folder() {
     let lab = lab();
-    // Nobody can make a file there.
+    // A folder in which no file can be made.
     assert_run!(lab.rmem(&["backup", "/proc/copy.rmem"]), @r"
     ------- stderr -------
     error: file:/proc/copy.rmem: cannot make a file in /proc: there is no such file or folder

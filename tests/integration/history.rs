@@ -115,7 +115,7 @@ fn recorded(uri: &str) -> Result<(), Failed> {
     let other = Client::with_uri_str(uri)?;
     let other = other.database(&ns.database).collection::<Document>(&ns.collection);
     let kept = Client::with_uri_str(uri)?.database(&ns.database).collection::<Document>("rmem.history");
-    // Nobody reads the history by rmem, which would record it.
+    // The history is read by another client: reading it by rmem would be recorded.
     let is_kept = || -> Result<bool, Failed> {
         Ok(stop.load(Ordering::Relaxed) || kept.count_documents(doc! { "ns": ns.to_string() }).run()? >= 2)
     };

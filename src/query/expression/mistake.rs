@@ -1,5 +1,6 @@
 //! The codes of arguments of the wrong shape: MongoDB has others for nearly every operator.
 
+use super::date::is_part;
 use crate::query::error::{FAILED_TO_PARSE, QueryError};
 
 /// What an operator with named arguments answers.
@@ -13,22 +14,8 @@ struct Mistakes {
     missing: &'static [(&'static str, i32)],
 }
 
-/// The operators on a part of a date.
-const PARTS: [&str; 13] = [
-    "$year",
-    "$month",
-    "$dayOfMonth",
-    "$dayOfWeek",
-    "$dayOfYear",
-    "$hour",
-    "$minute",
-    "$second",
-    "$millisecond",
-    "$week",
-    "$isoWeek",
-    "$isoWeekYear",
-    "$isoDayOfWeek",
-];
+/// Stands for each operator that takes a part out of a date.
+const PART: &str = "a part of a date";
 
 /// Conversions to one type.
 const CONVERSIONS: [&str; 8] =
@@ -41,7 +28,7 @@ macro_rules! mistakes {
 }
 
 const MISTAKES: [Mistakes; 24] = mistakes! {
-    PARTS => 40_536, 40_535, [("date", 40_539)];
+    [PART] => 40_536, 40_535, [("date", 40_539)];
     ["$dateAdd", "$dateSubtract"] => 5_166_400, 5_166_401,
         [("startDate", 5_166_402), ("unit", 5_166_402), ("amount", 5_166_402)];
     ["$dateDiff"] => 5_166_301, 5_166_302, [("startDate", 5_166_303), ("endDate", 5_166_304), ("unit", 5_166_305)];
@@ -70,6 +57,7 @@ const MISTAKES: [Mistakes; 24] = mistakes! {
 };
 
 fn of(operator: &str) -> Option<&'static Mistakes> {
+    let operator = if is_part(operator) { PART } else { operator };
     MISTAKES.iter().find(|mistakes| mistakes.operators.contains(&operator))
 }
 
@@ -101,7 +89,7 @@ pub(super) fn count(operator: &str, arity: (usize, usize), found: usize) -> Quer
         "$setEquals" => 17_045,
         "$getField" => 5_654_601,
         "$round" | "$trunc" | "$range" | "$slice" | "$indexOfArray" | "$indexOfBytes" | "$indexOfCP" => 28_667,
-        part if PARTS.contains(&part) => 40_536,
+        part if is_part(part) => 40_536,
         conversion if CONVERSIONS.contains(&conversion) => 50_723,
         _ => 16_020,
     };

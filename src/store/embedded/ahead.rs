@@ -72,7 +72,7 @@ impl<T: Send + 'static> Ahead<T> {
 
 impl<T> Drop for Ahead<T> {
     fn drop(&mut self) {
-        // Nobody takes what it sends: it ends with the next piece.
+        // Without a receiver, the thread ends with the next piece.
         drop(self.pieces.take());
         let _ = self.thread.take().map(JoinHandle::join);
     }

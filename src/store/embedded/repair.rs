@@ -45,7 +45,7 @@ impl Embedded {
                 let reindex = format!("REINDEX {}", collection.table());
                 self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
                 done.collections += 1;
-                // An index needs not be read from the documents; each of them is, so that a damaged one is found.
+                // Each document is read, so that a damaged one is found also where no index is made.
                 let mut all = Arc::new(Filter::parse(&Document::new())?);
                 done.documents += Scan::new(self, collection, &mut all)?.count()?;
                 done.indexes += self.refill_indexes(&ns, collection)?;

@@ -153,7 +153,7 @@ fn zone(arguments: &Arguments, index: usize) -> Result<Option<Zone>> {
 }
 
 /// Whether it takes a part out of a date: these need no names of arguments.
-fn is_part(operator: &str) -> bool {
+pub(super) fn is_part(operator: &str) -> bool {
     NAMED.iter().any(|named| named.bare && named.name == operator)
 }
 
