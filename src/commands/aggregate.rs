@@ -40,7 +40,7 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
     if args.strict {
         missing::refuse(&args.namespace, &memory, context)?;
     }
-    let texts = [("<pipeline>", args.pipeline.as_str())];
+    let texts = [("<pipeline>", args.pipeline.as_str()), args.modifiers.hint()];
     let documents = memory
         .aggregate(&args.namespace, Aggregation { stages: &pipeline, modifiers: &args.modifiers.read()? })
         .map_err(|error| blame(error, &texts))?;

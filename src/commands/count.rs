@@ -43,7 +43,7 @@ pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
         missing::refuse(&args.namespace, &memory, context)?;
     }
     let count = memory.count(&args.namespace, Query { filter: &filter, modifiers: &args.modifiers.read()? });
-    let count = count.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
+    let count = count.map_err(|error| blame(error, &[("<query>", &args.query), args.modifiers.hint()]))?;
     context.output.line(&count.to_string())?;
     if count == 0 {
         missing::warn(&args.namespace, &memory, context);

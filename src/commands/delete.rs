@@ -58,7 +58,7 @@ pub(super) fn run(args: &DeleteArgs, context: &mut Context<'_>) -> Result<Exit> 
     let guard = (is_many && memory.is_in_file(&args.namespace)).then(InterruptGuard::stopping);
     let deleted = memory.delete(&args.namespace, query, !is_many);
     drop(guard);
-    let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
+    let deleted = deleted.map_err(|error| blame(error, &[("<query>", &args.query), args.modifiers.hint()]))?;
     context.output.line(&deleted.to_string())?;
     match matching {
         Some(count) => context.output.note(&format!("{deleted} of {count} matching documents; use --many for all")),
@@ -74,7 +74,7 @@ pub(super) fn others(
     query: Query<'_>,
     memory: &Memory,
     context: &Context<'_>,
-) -> Result<Option<u64>> {
+) -> Result<Option<u64>, StoreError> {
     let is_one = query.filter.get("_id").is_some_and(|id| id.as_document().is_none());
     if is_one || !context.output.shows_notes() {
         return Ok(None);
@@ -86,7 +86,7 @@ pub(super) fn others(
     let first = match memory.stored(namespace, &two).and_then(Iterator::collect::<Result<Vec<_>, _>>) {
         Ok(first) => first,
         // A server that does not answer is waited for once.
-        Err(error @ StoreError::Unreachable { .. }) => return Err(error.into()),
+        Err(error @ StoreError::Unreachable { .. }) => return Err(error),
         Err(_) => return Ok(None),
     };
     Ok(if first.len() < 2 { None } else { Some(memory.stored(namespace, &all)?.count() as u64) })

@@ -52,8 +52,9 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     let modifiers = args.modifiers.read()?;
     let query = Query { filter: &filter, modifiers: &modifiers };
     let values = memory.values(&args.namespace, &args.field, query);
-    let values = values.map_err(|error| blame(error, &[("<query>", &args.query)]))?;
-    let values = values.map(|value| value.map_err(|error| blame(error, &[("<query>", &args.query)])));
+    let texts = [("<query>", args.query.as_str()), args.modifiers.hint()];
+    let values = values.map_err(|error| blame(error, &texts))?;
+    let values = values.map(|value| value.map_err(|error| blame(error, &texts)));
     if context.print_values(values)? == 0 {
         missing::warn(&args.namespace, &memory, context);
     }

@@ -145,7 +145,7 @@ fn read_all(
         }
         batch.name = source.name().into();
         for (span, document) in documents {
-            batch.add(document, Some(source.position(span.start)), memory, context)?;
+            batch.add(document, source.position(span.start), memory, context)?;
         }
     }
     match &args.file {
@@ -168,7 +168,10 @@ fn read_file(
         let source = context.read(path)?;
         let mut documents = read(&source).take_while(|_| !is_interrupted());
         batch.name = source.name().into();
-        return documents.try_for_each(|document| batch.add(document?, None, memory, context));
+        return documents.try_for_each(|read| {
+            let (place, document) = read?;
+            batch.add(document, place, memory, context)
+        });
     }
     // The ids are printed while stdin is read: the two are apart from here on.
     let (name, mut input): (String, Box<dyn BufRead + '_>) = match path == Path::new("-") {
@@ -185,13 +188,13 @@ fn read_file(
             break;
         }
         let (place, document) = document.map_err(of_other_type)?;
-        batch.add(document, Some(place), memory, context)?;
+        batch.add(document, place, memory, context)?;
     }
     Ok(())
 }
 
-/// Reads the documents of a text.
-type ReadDocuments = for<'a> fn(&'a Source) -> Box<dyn Iterator<Item = Result<Document, Diagnostic>> + 'a>;
+/// Reads the documents of a text, each with its place.
+type ReadDocuments = for<'a> fn(&'a Source) -> Box<dyn Iterator<Item = Result<(Position, Document), Diagnostic>> + 'a>;
 
 /// The reader of what is not JSON.
 fn reader(args: &InsertArgs) -> Option<ReadDocuments> {
@@ -205,9 +208,14 @@ fn reader(args: &InsertArgs) -> Option<ReadDocuments> {
     Some(match args.kind.or(named)? {
         InputFormat::Json => return None,
         InputFormat::Yaml => |source| Box::new(yaml::documents(source)),
-        InputFormat::Csv => |source| Box::new(csv::documents(source, b',')),
-        InputFormat::Tsv => |source| Box::new(csv::documents(source, b'\t')),
+        InputFormat::Csv => |source| Box::new(rows(source, b',')),
+        InputFormat::Tsv => |source| Box::new(rows(source, b'\t')),
     })
+}
+
+/// The documents of rows, which begin with their lines.
+fn rows(source: &Source, delimiter: u8) -> impl Iterator<Item = Result<(Position, Document), Diagnostic>> {
+    csv::documents(source, delimiter).map(|read| read.map(|(line, document)| ((line, 1), document)))
 }
 
 /// Whether a document is what a world file has: collections with their documents.
@@ -263,8 +271,8 @@ struct Batch<'a> {
     documents: Vec<Document>,
     /// The text that is read.
     name: Rc<str>,
-    /// Where each of the documents is: the text, and the line and column in it if they are known.
-    places: Vec<(Rc<str>, Option<Position>)>,
+    /// Where each of the documents is: the text, and the line and column in it.
+    places: Vec<(Rc<str>, Position)>,
     began: Instant,
     size: usize,
     stored: usize,
@@ -292,13 +300,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    fn add(
-        &mut self,
-        document: Document,
-        place: Option<Position>,
-        memory: &Memory,
-        context: &mut Context<'_>,
-    ) -> Result<()> {
+    fn add(&mut self, document: Document, place: Position, memory: &Memory, context: &mut Context<'_>) -> Result<()> {
         if self.documents.is_empty() {
             self.began = Instant::now();
         }
@@ -333,8 +335,7 @@ impl<'a> Batch<'a> {
         let nth = ids.len();
         result.map(drop).map_err(|error| {
             let documents = &self.args.documents;
-            let number = before + nth + 1;
-            let place = places.get(nth).map(|(name, at)| Place { name, at: *at, number, documents });
+            let place = places.get(nth).map(|(name, at)| Place { name, at: *at, documents });
             match (&error, place) {
                 (StoreError::Duplicate { .. }, Some(place)) => taken(error, &place, memory),
                 (StoreError::Query(_) | StoreError::Stopped { document: Some(_), .. }, Some(place))
@@ -364,30 +365,24 @@ fn hinted(error: Diagnostic, text: &str) -> Diagnostic {
 struct Place<'a> {
     /// The text.
     name: &'a str,
-    /// The line and column there, where they are known.
-    at: Option<Position>,
-    /// The number of the document, from 1.
-    number: usize,
+    /// The line and column there.
+    at: Position,
     /// The documents on the command line.
     documents: &'a [String],
 }
 
 impl Place<'_> {
-    /// A message at this place: `orders.jsonl:3:1: …` with the line where the text can be read again, or
-    /// `orders.csv, document 3: …`; the message alone for the only argument.
+    /// A message at this place: `orders.jsonl:3:1: …` with the line where the text can be read again; the message alone for the
+    /// only argument.
     fn mark(&self, message: &str) -> String {
-        match self.at {
-            _ if self.name == ONLY_ARGUMENT => message.to_owned(),
-            Some((line, column)) => match self.line(line) {
-                Some(text) => {
-                    let start = text.char_indices().nth(column - 1).map_or(text.len(), |(at, _)| at);
-                    let source = Source::starting_at(self.name, text.as_str(), line);
-                    Diagnostic::new(&source, Span::at(start), message).to_string()
-                }
-                None => Diagnostic::at(self.name, line, column, message).to_string(),
-            },
-            None => format!("{}, document {}: {message}", self.name, self.number),
+        let (line, column) = self.at;
+        if self.name == ONLY_ARGUMENT {
+            return message.to_owned();
         }
+        let Some(text) = self.line(line) else { return Diagnostic::at(self.name, line, column, message).to_string() };
+        let start = text.char_indices().nth(column - 1).map_or(text.len(), |(at, _)| at);
+        let source = Source::starting_at(self.name, text.as_str(), line);
+        Diagnostic::new(&source, Span::at(start), message).to_string()
     }
 
     /// A line of the text, from 1; none where it cannot be read twice.

@@ -8,6 +8,9 @@ use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::query::{Collation, QueryError, constants};
 use crate::store::{Hint, Modifiers};
 
+/// What the text of `--hint` is called.
+pub(super) const HINT: &str = "<hint>";
+
 /// Modifiers of an operation.
 #[derive(Debug, Clone, Args)]
 pub struct ModifierArgs {
@@ -50,16 +53,22 @@ impl ModifierArgs {
         let hint = match &self.hint {
             None => None,
             Some(text) if text.trim_start().starts_with('{') => {
-                Hint::parse(&shell::parse_value(&Source::new("<hint>", text.as_str()))?)
-                    .map_err(|error| shown("<hint>", text, &error))?
+                Hint::parse(&shell::parse_value(&Source::new(HINT, text.as_str()))?)
+                    .map_err(|error| shown(HINT, text, &error))?
             }
-            Some(name) => Hint::parse(&Bson::from(name.as_str())).map_err(|error| shown("<hint>", name, &error))?,
+            Some(name) => Hint::parse(&Bson::from(name.as_str())).map_err(|error| shown(HINT, name, &error))?,
         };
         Ok(Modifiers { collation: self.collation.read()?, variables, hint })
     }
+
+    /// The text of the hint, which is empty where there is none, under its name.
+    pub(super) fn hint(&self) -> (&'static str, &str) {
+        (HINT, self.hint.as_deref().unwrap_or_default())
+    }
 }
 
-/// An error about the text of an option.
+/// An error about the text of an option, at the operator or field that it is about.
 fn shown(name: &'static str, text: &str, error: &QueryError) -> Diagnostic {
-    Diagnostic::new(&Source::new(name, text), Span::new(0, text.len()), error.message.clone())
+    let place = error.place_among(&[text]).map_or(0..text.len(), |(_, place)| place);
+    Diagnostic::new(&Source::new(name, text), Span::new(place.start, place.end), error.message.clone())
 }

@@ -4,7 +4,7 @@ use bson::doc;
 use clap::Args;
 
 use super::at::AtArgs;
-use super::modifiers::ModifierArgs;
+use super::modifiers::{HINT, ModifierArgs};
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -85,19 +85,19 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         ("<query>", args.query.as_str()),
         ("<sort>", args.sort.as_deref().unwrap_or_default()),
         ("<fields>", args.fields.as_deref().unwrap_or_default()),
+        args.modifiers.hint(),
     ];
-    let given: Vec<_> = texts.into_iter().filter(|(_, text)| !text.is_empty() && *text != "{}").collect();
     let memory = args.past.memory(context)?;
     memory.show_computed(args.computed);
     if args.strict {
         missing::refuse(&args.namespace, &memory, context)?;
     }
     if args.why {
-        let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &given))?;
+        let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &texts))?;
         return why(&diagnosis, &memory, context);
     }
     if args.explain {
-        let explanation = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &given))?;
+        let explanation = memory.explain(&args.namespace, &find).map_err(|error| blame(error, &texts))?;
         context.print_documents([Ok(explanation)].into_iter())?;
         return Ok(Exit::Done);
     }
@@ -105,8 +105,8 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         true => memory.find_with_metadata(&args.namespace, &find),
         false => memory.find(&args.namespace, &find),
     };
-    let documents = documents.map_err(|error| blame(error, &given))?;
-    let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &given)));
+    let documents = documents.map_err(|error| blame(error, &texts))?;
+    let documents = documents.map(|document| document.and_then(owned).map_err(|error| blame(error, &texts)));
     if context.print_documents(documents)? == 0 && !missing::warn(&args.namespace, &memory, context) {
         hint(&find, context);
     }
@@ -237,7 +237,9 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
         return error.into();
     }
     // The default of a query was not typed.
-    let texts: Vec<(&'static str, &str)> = texts.iter().copied().filter(|(_, text)| *text != "{}").collect();
+    let given = texts.iter().copied().filter(|(_, text)| !matches!(*text, "" | "{}"));
+    let (hints, others): (Vec<_>, Vec<_>) = given.partition(|(name, _)| *name == HINT);
+    let texts = if hints.is_empty() || !query.message.contains("hint") { others } else { hints };
     let all: Vec<&str> = texts.iter().map(|(_, text)| *text).collect();
     let place = query.place_among(&all).and_then(|(number, place)| Some((texts.get(number)?, place)));
     match (place, texts.as_slice()) {

@@ -73,7 +73,8 @@ pub(super) fn run(args: &UpdateArgs, context: &mut Context<'_>) -> Result<Exit> 
     let guard = args.many.then(InterruptGuard::stopping);
     let updated = memory.update(&args.namespace, &request);
     drop(guard);
-    let updated = updated.map_err(|error| blame(error, &[("<update>", &args.update), ("<query>", &args.query)]))?;
+    let texts = [("<update>", args.update.as_str()), ("<query>", &args.query), args.modifiers.hint()];
+    let updated = updated.map_err(|error| blame(error, &texts))?;
     let is_missing = updated.matched == 0 && updated.upserted.is_none();
     let mut result = bson::doc! { "matched": count(updated.matched), "modified": count(updated.modified) };
     if let Some(id) = updated.upserted {

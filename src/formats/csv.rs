@@ -42,12 +42,13 @@ enum Kind {
     ObjectId,
 }
 
-/// The documents of a text with this delimiter, each once the rows before it are read. After an error nothing more comes.
-pub fn documents(source: &Source, delimiter: u8) -> impl Iterator<Item = Result<Document, Diagnostic>> {
+/// The documents of a text with this delimiter, each with the line, from 1, where its row begins, once the rows before it are
+/// read. After an error nothing more comes.
+pub fn documents(source: &Source, delimiter: u8) -> impl Iterator<Item = Result<(usize, Document), Diagnostic>> {
     // Some programs put a byte order mark before the first key.
     let at = source.text().len() - source.text().trim_start_matches('\u{FEFF}').len();
     let reader = ReaderBuilder::new().delimiter(delimiter).build();
-    let mut rows = Rows { source, reader, at };
+    let mut rows = Rows { source, reader, at, counted: 0, line: 1 };
     let mut columns = None;
     let mut done = false;
     std::iter::from_fn(move || {
@@ -61,7 +62,7 @@ pub fn documents(source: &Source, delimiter: u8) -> impl Iterator<Item = Result<
 }
 
 /// The next document; the first row gives the columns.
-fn next(rows: &mut Rows<'_>, columns: &mut Option<Vec<Column>>) -> Result<Option<Document>, Diagnostic> {
+fn next(rows: &mut Rows<'_>, columns: &mut Option<Vec<Column>>) -> Result<Option<(usize, Document)>, Diagnostic> {
     let columns = match columns {
         Some(columns) => columns,
         None => {
@@ -76,6 +77,7 @@ fn next(rows: &mut Rows<'_>, columns: &mut Option<Vec<Column>>) -> Result<Option
             format!("expected {} values, as many as keys in the first row, found {}", columns.len(), fields.len());
         return Err(Diagnostic::new(rows.source, place, message));
     }
+    let line = fields.first().map_or(1, |(_, first)| rows.line_of(first.start));
     let mut document = Document::new();
     for (column, (text, span)) in columns.iter().zip(fields) {
         if !text.is_empty() {
@@ -89,7 +91,7 @@ fn next(rows: &mut Rows<'_>, columns: &mut Option<Vec<Column>>) -> Result<Option
             put(&mut document, &column.path, value);
         }
     }
-    Ok(Some(document))
+    Ok(Some((line, document)))
 }
 
 /// A column: where its values go.
@@ -223,9 +225,20 @@ struct Rows<'a> {
     source: &'a Source,
     reader: Reader,
     at: usize,
+    /// Up to where lines are counted, and the line there.
+    counted: usize,
+    line: usize,
 }
 
 impl Rows<'_> {
+    /// The line of a place behind all that were asked for before.
+    fn line_of(&mut self, place: usize) -> usize {
+        let passed = self.source.text().get(self.counted..place).unwrap_or_default();
+        self.line += passed.matches('\n').count();
+        self.counted = place;
+        self.line
+    }
+
     fn row(&mut self) -> Result<Option<Vec<(String, Span)>>, Diagnostic> {
         let mut fields = Vec::new();
         while let Some((text, span, is_last)) = self.field()? {
@@ -275,7 +288,9 @@ mod tests {
     use bson::doc;
 
     fn read(text: &str) -> Result<Vec<Document>, String> {
-        documents(&Source::new("x.csv", text), b',').collect::<Result<_, _>>().map_err(|error| error.to_string())
+        let source = Source::new("x.csv", text);
+        let documents = documents(&source, b',').map(|read| read.map(|(_, document)| document));
+        documents.collect::<Result<_, _>>().map_err(|error| error.to_string())
     }
 
     #[test]

@@ -18,8 +18,9 @@ use super::{Diagnostic, Source, Span};
 /// At most so many values come from aliases, so that few lines cannot fill the memory.
 const MOST_ALIASED: usize = 1_000_000;
 
-/// The documents of a YAML text, each once the text before it is read. After an error nothing more comes.
-pub fn documents(source: &Source) -> impl Iterator<Item = Result<Document, Diagnostic>> {
+/// The documents of a YAML text, each with the line and column, from 1, where it begins, once the text before it is read. After
+/// an error nothing more comes.
+pub fn documents(source: &Source) -> impl Iterator<Item = Result<((usize, usize), Document), Diagnostic>> {
     let mut reader = Reader {
         source,
         parser: Parser::new_from_str(source.text()),
@@ -83,7 +84,7 @@ type Found<'a> = (Event<'a>, saphyr_parser::Span);
 
 impl<'a> Reader<'a> {
     /// The next document.
-    fn document(&mut self) -> Result<Option<Document>, Diagnostic> {
+    fn document(&mut self) -> Result<Option<((usize, usize), Document)>, Diagnostic> {
         loop {
             let Some((event, place)) = self.next()? else { return Ok(None) };
             match event {
@@ -103,7 +104,7 @@ impl<'a> Reader<'a> {
                         continue;
                     }
                     return match self.value(event, place, 0)? {
-                        Bson::Document(document) => Ok(Some(document)),
+                        Bson::Document(document) => Ok(Some(((place.start.line(), place.start.col() + 1), document))),
                         _ => Err(self.wrong(place, "expected a document, which is a mapping: `key: value`")),
                     };
                 }
@@ -347,7 +348,9 @@ mod tests {
     use bson::doc;
 
     fn read(text: &str) -> Result<Vec<Document>, String> {
-        documents(&Source::new("x.yaml", text)).collect::<Result<_, _>>().map_err(|error| error.to_string())
+        let source = Source::new("x.yaml", text);
+        let documents = documents(&source).map(|read| read.map(|(_, document)| document));
+        documents.collect::<Result<_, _>>().map_err(|error| error.to_string())
     }
 
     #[test]

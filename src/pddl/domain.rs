@@ -267,6 +267,7 @@ fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<
             && !matches!(
                 feature,
                 Feature::ActionVariables
+                    | Feature::FractionalNumbers
                     | Feature::ChangingDerivedPredicates
                     | Feature::DurationsAtEnd
                     | Feature::TimedPreferences

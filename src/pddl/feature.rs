@@ -51,11 +51,13 @@ pub enum Feature {
     Constraints,
     /// `:vars` of an action.
     ActionVariables,
+    /// A number that is not whole, such as `1.5`.
+    FractionalNumbers,
 }
 
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Typing,
         Self::Equality,
         Self::NegativePreconditions,
@@ -78,6 +80,7 @@ impl Feature {
         Self::TimedPreferences,
         Self::Constraints,
         Self::ActionVariables,
+        Self::FractionalNumbers,
     ];
 
     /// The features that a requirement, with or without its colon, is the name of.
@@ -108,6 +111,7 @@ impl Feature {
             Self::Preferences | Self::TimedPreferences => "preferences",
             Self::Constraints => "constraints",
             Self::ActionVariables => "action-variables",
+            Self::FractionalNumbers => "fractional-numbers",
         }
     }
 

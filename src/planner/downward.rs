@@ -8,7 +8,7 @@ use crate::formats::plan::{Transcript, downward};
 use crate::pddl::Feature;
 use crate::process::Host;
 
-const LACKS: [Feature; 9] = [
+const LACKS: [Feature; 10] = [
     Feature::DurativeActions,
     Feature::DurationInequalities,
     Feature::TimedInitialLiterals,
@@ -18,6 +18,7 @@ const LACKS: [Feature; 9] = [
     Feature::Constraints,
     Feature::ObjectFluents,
     Feature::ActionVariables,
+    Feature::FractionalNumbers,
 ];
 
 /// What its translator accepts, by its own words when it meets another.

@@ -159,6 +159,18 @@ fn what_stands_before_a_mistake_in_yaml_or_csv_is_stored() {
       2 documents were stored before it
     [exit code: 3]
     ");
+    lab.write("twice.yaml", "- _id: 3\n- _id: 4\n  n: 2\n- _id: 3\n");
+    assert_run!(lab.rmem(&["insert", "robmem.twice", "-q", "--file", "twice.yaml"]), @r"
+    3
+    4
+    ------- stderr -------
+    error: twice.yaml:4:3: robmem.twice already has a document with _id: 3
+      |
+    4 | - _id: 3
+      |   ^
+      2 documents were stored before it
+    [exit code: 5]
+    ");
     lab.write("bad.csv", "_id,n.int32()\n3,1\n4,one\n");
     assert_run!(lab.rmem(&["insert", "robmem.objects", "-q", "--file", "bad.csv"]), @r"
     3

@@ -130,7 +130,20 @@ fn a_hint_chooses_the_index() {
     assert_eq!(ids("{$natural: -1}"), "{\"_id\":3}\n{\"_id\":2}\n{\"_id\":1}\n");
     assert_run!(lab.rmem(&["query", "robmem.boxes", "--hint", "nothing"]), @r"
     ------- stderr -------
-    error: the hint names no index that queries use: `rmem index NS` lists the indexes
+    error: <hint>:1:1: the hint names no index that queries use: `rmem index NS` lists the indexes
+      |
+    1 | nothing
+      | ^^^^^^^
+    [exit code: 3]
+    ");
+    // Also where the query has the same word, and where others that match are counted first.
+    let update = ["update", "robmem.boxes", "{nothing: {$exists: false}}", "{$set: {a: 1}}", "--hint", "nothing"];
+    assert_run!(lab.rmem(&update), @r"
+    ------- stderr -------
+    error: <hint>:1:1: the hint names no index that queries use: `rmem index NS` lists the indexes
+      |
+    1 | nothing
+      | ^^^^^^^
     [exit code: 3]
     ");
 }

@@ -589,7 +589,10 @@ fn a_taken_key_says_which_document_of_the_file_and_which_of_the_memory() {
     $ rmem insert a.b --file f.csv
     3
     ------- stderr -------
-    error: f.csv, document 2: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+    error: f.csv:3:1: a.b already has a document with name: "A" (unique index name_1): that with _id 7
+      |
+    3 | 4,A
+      | ^
       1 document was stored before it
     [exit code: 5]
     $ rmem insert a.b "{_id: 5, name: 'A'}"

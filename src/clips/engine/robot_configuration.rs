@@ -84,7 +84,8 @@ impl Files {
 
     /// The documents of a file; what it includes waits.
     fn of_file(&mut self, source: &Source) -> Result<Vec<Document>, ConfigurationError> {
-        let mut documents = yaml::documents(source).collect::<Result<Vec<_>, _>>()?;
+        let mut documents =
+            yaml::documents(source).map(|read| read.map(|(_, document)| document)).collect::<Result<Vec<_>, _>>()?;
         let is_about = |document: &Document| document.keys().all(|key| ABOUT.contains(&key.as_str()));
         if documents.len() > 1 && documents.first().is_some_and(is_about) {
             documents.remove(0);

@@ -17,7 +17,12 @@ impl Resolver<'_, '_, '_> {
 
     pub(in crate::pddl) fn number(&mut self, expression: &Expression) -> Number {
         match expression {
-            Expression::Number(value, _) => Number::Constant(*value),
+            Expression::Number(value, place) => {
+                if value.fract() != 0.0 {
+                    self.uses.note(Feature::FractionalNumbers, place.0);
+                }
+                Number::Constant(*value)
+            }
             Expression::Elapsed(place) => {
                 self.uses.note(Feature::ContinuousEffects, place.0);
                 Number::Elapsed

@@ -266,6 +266,27 @@ fn what_a_planner_cannot_do_is_34_before_it_runs() {
     [exit code: 34]
     ");
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(0);
+    // Its costs are whole numbers.
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :action-costs) (:predicates (q)) (:functions (total-cost))\n\
+         (:action a :parameters () :precondition () :effect (and (q) (increase (total-cost) 1.5))))",
+    );
+    lab.write(
+        "p.pddl",
+        "(define (problem p) (:domain d) (:init (= (total-cost) 0)) (:goal (q)) (:metric minimize (total-cost)))",
+    );
+    assert_run!(lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--planner", "fast-downward"]), @r"
+    ------- stderr -------
+    stored in robmem.plans as [ID]
+    error: fast-downward: the planner cannot handle the task: d.pddl:2:84: the planner `fast-downward` cannot handle fractional numbers
+      |
+    2 | …eters () :precondition () :effect (and (q) (increase (total-cost) 1.5))))
+      |                                                                    ^^^
+      = hint: name another planner with --planner
+    [exit code: 34]
+    ");
+    lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(0);
 }
 
 /// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
