@@ -6,7 +6,7 @@ use bson::DateTime;
 
 use super::Memory;
 use crate::query::Collation;
-use crate::store::{ChangePage, Kept, Namespace, Scope, Store, StoreError, index};
+use crate::store::{ChangePage, Kept, Namespace, Scope, Since, Store, StoreError, index};
 
 impl Memory {
     /// The store that a collection is in, as it is: for callers that keep metadata themselves.
@@ -120,7 +120,7 @@ impl Memory {
     ///
     /// # Errors
     /// Where the store keeps none.
-    pub fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+    pub fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         self.routes.scoped(scope)?.position_at(scope, time)
     }
 }

@@ -8,17 +8,31 @@ use bson::{DateTime, Timestamp};
 
 /// Gives times that grow.
 #[derive(Debug, Default)]
-pub(super) struct Clock(AtomicU64);
+pub(super) struct Clock {
+    last: AtomicU64,
+    /// When a client wrote last.
+    written: AtomicU64,
+}
 
 impl Clock {
     /// The time, later than all that were given.
     pub(super) fn tick(&self) -> Timestamp {
         let now = packed(of(DateTime::now(), 0));
-        let last = self.0.fetch_max(now, Ordering::Relaxed);
+        let last = self.last.fetch_max(now, Ordering::Relaxed);
         if now > last {
             return unpacked(now);
         }
-        unpacked(self.0.fetch_add(1, Ordering::Relaxed) + 1)
+        unpacked(self.last.fetch_add(1, Ordering::Relaxed) + 1)
+    }
+
+    /// Notes that a client has written.
+    pub(super) fn wrote(&self) {
+        self.written.fetch_max(packed(self.tick()), Ordering::Relaxed);
+    }
+
+    /// When a client wrote last; none where none has.
+    pub(super) fn written(&self) -> Option<Timestamp> {
+        Some(self.written.load(Ordering::Relaxed)).filter(|time| *time > 0).map(unpacked)
     }
 }
 

@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 93] = [
+const NAMES: [(i32, &str); 97] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -70,6 +70,9 @@ const NAMES: [(i32, &str); 93] = [
     (166, "CommandNotSupportedOnView"),
     (167, "OptionNotSupportedOnView"),
     (168, "InvalidPipelineOperator"),
+    (171, "CannotIndexParallelArrays"),
+    (175, "QueryPlanKilled"),
+    (181, "AmbiguousIndexKeyPattern"),
     (184, "CollectionUUIDMismatch"),
     (194, "CanRepairToDowngrade"),
     (197, "InvalidIndexSpecificationOption"),
@@ -93,6 +96,7 @@ const NAMES: [(i32, &str); 93] = [
     (286, "ChangeStreamHistoryLost"),
     (290, "TransactionExceededLifetimeLimitSeconds"),
     (292, "QueryExceededMemoryLimitNoDiskUseAllowed"),
+    (322, "APIVersionError"),
     (334, "MechanismUnavailable"),
     (352, "UnsupportedOpQueryCommand"),
 ];

@@ -32,6 +32,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
+    pub(in crate::serve) const AMBIGUOUS_INDEX: i32 = 181;
     pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
     pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
@@ -41,6 +42,8 @@ pub(super) mod codes {
     pub(in crate::serve) const INVALID_TOKEN: i32 = 260;
     pub(in crate::serve) const NOT_IN_TRANSACTION: i32 = 263;
     pub(in crate::serve) const STREAM_FATAL: i32 = 280;
+    pub(in crate::serve) const HISTORY_LOST: i32 = 286;
+    pub(in crate::serve) const API_VERSION: i32 = 322;
     pub(in crate::serve) const NO_MECHANISM: i32 = 334;
     pub(in crate::serve) const NO_QUERY: i32 = 352;
     pub(in crate::serve) const TOO_LARGE: i32 = 10_334;
@@ -49,6 +52,7 @@ pub(super) mod codes {
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
     pub(in crate::serve) const NOT_RETRYABLE: i32 = 50_768;
     pub(in crate::serve) const NO_NUMBER: i32 = 50_889;
+    pub(in crate::serve) const NO_API_VERSION: i32 = 4_886_600;
 }
 
 /// The label of what may be tried again as a whole transaction.

@@ -66,6 +66,7 @@ impl Request {
             None => return Err(Failure::new(40_571, "OP_MSG requests require a $db argument")),
         };
         check_database(&database)?;
+        check_version(fields)?;
         let confirmation = check_concerns(fields)?;
         let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
         let transaction = transaction(fields)?;
@@ -140,6 +141,20 @@ fn check_database(name: &str) -> Result<(), Failure> {
     match is_name || name == "$external" {
         true => Ok(()),
         false => Err(Failure::new(codes::INVALID_NAMESPACE, format!("Invalid database name: '{name}'"))),
+    }
+}
+
+/// Refuses versions of the API that there are not: there is one.
+fn check_version(fields: Fields<'_>) -> Result<(), Failure> {
+    let (strict, deprecation) = (fields.optional_flag("apiStrict")?, fields.optional_flag("apiDeprecationErrors")?);
+    match fields.text("apiVersion")? {
+        Some("1") => Ok(()),
+        Some(other) => Err(Failure::new(codes::API_VERSION, format!("API version must be \"1\", got \"{other}\""))),
+        None if strict.is_some() || deprecation.is_some() => {
+            let message = "Provided apiStrict and/or apiDeprecationErrors without passing apiVersion";
+            Err(Failure::new(codes::NO_API_VERSION, message))
+        }
+        None => Ok(()),
     }
 }
 

@@ -73,6 +73,12 @@ impl Readings {
         }
     }
 
+    /// The number of a later transaction of the session that has a thread.
+    pub(super) fn later(&self, once: &Once) -> Option<i64> {
+        let number = self.lock().get(&once.session)?.number;
+        (number > once.number).then_some(number)
+    }
+
     /// Whether a transaction has a thread.
     pub(super) fn has(&self, once: &Once) -> bool {
         self.lock().get(&once.session).is_some_and(|reading| reading.number == once.number)

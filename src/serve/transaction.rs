@@ -136,6 +136,7 @@ impl Open {
             // It could not even begin.
             reply.answer(Err(failure.unwrap_or_else(|| none(&self.once))));
         }
+        context.server.clock.wrote();
         context.server.hub.call();
     }
 

@@ -125,6 +125,7 @@ impl WriterContext<'_> {
             once.iter().try_for_each(|once| retry::keep(memory, ns, once, &answer))?;
             Ok(answer)
         })?;
+        self.server.clock.wrote();
         if let Some(Once { session, number }) = once {
             self.server.sessions.finish(&session, Finished::write(number));
         }

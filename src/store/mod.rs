@@ -36,7 +36,7 @@ pub use namespace::{Namespace, NamespaceError};
 pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
-pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope};
+pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope, Since};
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -188,8 +188,8 @@ pub trait Store: Send {
         Err(self.keeps_none())
     }
 
-    /// The position before the first kept change at or after a time.
-    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+    /// Where the kept changes at or after a time begin.
+    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         let _ = (scope, time);
         Err(self.keeps_none())
     }

@@ -85,6 +85,17 @@ pub struct Kept {
     pub from: i64,
     /// The position of the last change that was made.
     pub last: i64,
+    /// Whether nothing was kept for the scope before.
+    pub is_new: bool,
+}
+
+/// Where the changes at or after a time begin ([`super::Store::position_at`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Since {
+    /// They are behind this position.
+    pub position: i64,
+    /// Whether an earlier change is kept, too, so that all of them are.
+    pub is_whole: bool,
 }
 
 /// Changes behind a position ([`super::Store::changes`]).

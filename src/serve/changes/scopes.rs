@@ -4,33 +4,66 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use bson::{DateTime, Timestamp};
+
 use crate::memory::Memory;
+use crate::serve::clock;
 use crate::store::{Kept, Scope, StoreError};
 
 /// How long changes are kept: so long a client may be away.
 const AGE: Duration = Duration::from_secs(3600);
 
-/// The scopes whose changes are kept, and when a stream read them last.
+/// The scopes whose changes are kept.
 #[derive(Default)]
-pub(in crate::serve) struct Scopes(Mutex<HashMap<Scope, Instant>>);
+pub(in crate::serve) struct Scopes(Mutex<HashMap<Scope, Watched>>);
+
+/// A scope whose changes are kept.
+struct Watched {
+    /// When a stream read it last.
+    used: Instant,
+    /// No change after this time is missing; none where an earlier server began to keep them.
+    since: Option<Timestamp>,
+}
+
+impl Watched {
+    fn since(since: Option<Timestamp>) -> Self {
+        Self { used: Instant::now(), since }
+    }
+}
 
 impl Scopes {
-    /// Keeps the changes of a scope from now on.
-    pub(in crate::serve) fn keep(&self, memory: &Memory, scope: &Scope) -> Result<Kept, StoreError> {
+    /// Keeps the changes of a scope from now on; the last one before was at `written`.
+    pub(in crate::serve) fn keep(
+        &self,
+        memory: &Memory,
+        scope: &Scope,
+        written: Timestamp,
+    ) -> Result<Kept, StoreError> {
         let kept = memory.keep_changes(scope, AGE)?;
-        self.touch(scope);
+        match kept.is_new {
+            true => drop(self.lock().insert(scope.clone(), Watched::since(Some(written)))),
+            false => self.touch(scope),
+        }
         Ok(kept)
+    }
+
+    /// Whether changes of a scope after a time may be missing: they were not kept yet, or are not kept any more.
+    pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp) -> bool {
+        let age = DateTime::now().timestamp_millis() - clock::date(time).timestamp_millis();
+        let since = self.lock().get(scope).and_then(|watched| watched.since);
+        since.is_some_and(|since| (time.time, time.increment) < (since.time, since.increment))
+            || u128::try_from(age).is_ok_and(|age| age > AGE.as_millis())
     }
 
     /// Notes that a stream reads a scope.
     pub(in crate::serve) fn touch(&self, scope: &Scope) {
-        self.lock().insert(scope.clone(), Instant::now());
+        self.lock().entry(scope.clone()).or_insert_with(|| Watched::since(None)).used = Instant::now();
     }
 
     /// Lets go of what is old, also of what an earlier server has kept.
     pub(in crate::serve) fn look_after(&self, memory: &Memory) -> Result<(), StoreError> {
         for scope in memory.kept_scopes()? {
-            let used = *self.lock().entry(scope.clone()).or_insert_with(Instant::now);
+            let used = self.lock().entry(scope.clone()).or_insert_with(|| Watched::since(None)).used;
             if used.elapsed() < AGE {
                 memory.keep_changes(&scope, AGE)?;
             } else {
@@ -41,7 +74,7 @@ impl Scopes {
         Ok(())
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<Scope, Instant>> {
+    fn lock(&self) -> MutexGuard<'_, HashMap<Scope, Watched>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -4,7 +4,6 @@ use bson::{Bson, Document};
 
 use super::token::{Place, Token};
 use crate::query::Pipeline;
-use crate::serve::clock;
 use crate::serve::failure::{Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::request::{Request, namespace};
@@ -174,11 +173,4 @@ fn before(options: Fields<'_>) -> Result<Before, Failure> {
 fn not_valid(name: &str, value: &str) -> Failure {
     let message = format!("Enumeration value '{value}' for field '$changeStream.{name}' is not a valid value.");
     Failure::new(codes::BAD_VALUE, message)
-}
-
-impl Start {
-    /// The date of a time to begin at.
-    pub(super) fn date(at: bson::Timestamp) -> bson::DateTime {
-        clock::date(at)
-    }
 }

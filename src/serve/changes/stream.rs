@@ -7,13 +7,18 @@ use bson::raw::cstr;
 use bson::{DateTime, Document, RawArrayBuf, RawDocumentBuf};
 
 use super::event::{Shape, invalidate};
+use super::scopes::Scopes;
 use super::spec::{Spec, Start};
 use super::token::{Place, Token};
 use crate::memory::Memory;
 use crate::query::{Origin, Pipeline, QueryError};
 use crate::serve::access::Metadata;
+use crate::serve::clock;
 use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
 use crate::store::{ChangeKind, Kept, MAX_SIZE, Scope};
+
+/// An event that is larger is not sent: a document of 16 MB and what is said about it, as in MongoDB.
+const MAX_EVENT: usize = MAX_SIZE + (16 << 10);
 
 /// How many changes are read at once.
 const PAGE: usize = 1000;
@@ -46,12 +51,25 @@ impl Stream {
     ///
     /// # Errors
     /// Where it is to begin with changes that are not kept any more, or a stage is wrong.
-    pub(in crate::serve) fn open(memory: &Memory, spec: Spec, kept: Kept, metadata: Metadata) -> Result<Self, Failure> {
+    pub(in crate::serve) fn open(
+        memory: &Memory,
+        spec: Spec,
+        kept: Kept,
+        scopes: &Scopes,
+        metadata: Metadata,
+    ) -> Result<Self, Failure> {
         Pipeline::parse(&spec.stages)?;
         let position = match spec.start {
             Start::Now => kept.last,
             Start::Behind(token) => token.position,
-            Start::At(time) => memory.position_at(&spec.scope, Start::date(time))?,
+            Start::At(time) => {
+                let since = memory.position_at(&spec.scope, clock::date(time))?;
+                if !since.is_whole && scopes.may_have_lost(&spec.scope, time) {
+                    let message = "changes between that time and now may not have been kept; read the documents anew";
+                    return Err(Failure::new(codes::HISTORY_LOST, message).labeled(NOT_RESUMABLE));
+                }
+                since.position
+            }
         };
         let shape = Shape { after: spec.after, before: spec.before, metadata };
         let mut stream = Self {
@@ -83,6 +101,12 @@ impl Stream {
             }
             let Some((token, event)) = self.pending.pop_front() else { continue };
             let size = event.as_bytes().len() + 16;
+            if size > MAX_EVENT {
+                let message = format!(
+                    "the event has {size} bytes, more than the {MAX_EVENT} of a message; leave documents out of it with $project"
+                );
+                return Err(Failure::new(codes::TOO_LARGE, message).labeled(NOT_RESUMABLE));
+            }
             if count > 0 && bytes + size > MAX_SIZE {
                 self.pending.push_front((token, event));
                 break;

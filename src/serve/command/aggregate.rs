@@ -8,6 +8,7 @@ use crate::memory::Memory;
 use crate::query::{Origin, Pipeline, QueryError};
 use crate::serve::call::Call;
 use crate::serve::changes::{Spec, Stream};
+use crate::serve::clock;
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
@@ -228,14 +229,16 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         ns.clone(),
         None,
         Box::new(move |memory| {
-            let kept = server.scopes.keep(memory, &scope)?;
-            raw(&doc! { "from": kept.from, "last": kept.last })
+            let written = server.clock.written().unwrap_or(clock::of(server.started, 0));
+            let kept = server.scopes.keep(memory, &scope, written)?;
+            raw(&doc! { "from": kept.from, "last": kept.last, "isNew": kept.is_new })
         }),
     )?;
     let number = |name| kept.get_i64(name).map_err(|error| Failure::new(codes::INTERNAL, error.to_string()));
-    let kept = crate::store::Kept { from: number("from")?, last: number("last")? };
+    let is_new = kept.get_bool("isNew").is_ok_and(|is_new| is_new);
+    let kept = crate::store::Kept { from: number("from")?, last: number("last")?, is_new };
     let memory = host.memory()?;
-    let mut stream = Stream::open(memory, spec, kept, call.metadata)?;
+    let mut stream = Stream::open(memory, spec, kept, &host.server.scopes, call.metadata)?;
     let first = stream.next(memory, Some(crate::serve::cursor::first_batch(batch.size)))?;
     let id = if first.is_over {
         0

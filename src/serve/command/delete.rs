@@ -4,7 +4,7 @@ use bson::{Document, doc};
 
 use super::definition::Command;
 use super::update::is_of_command;
-use super::write::{COMMON, Outcome, is_ordered, statements};
+use super::write::{COMMON, Outcome, check_repeatable, is_ordered, statements};
 use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -18,8 +18,13 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
     let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
-    for (index, statement) in statements(fields, "deletes")?.into_iter().enumerate() {
-        match delete_one(memory, call, &ns, Fields::new("delete.deletes", statement), &variables) {
+    let statements = statements(fields, "deletes")?;
+    let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("delete.deletes", one)).collect();
+    for statement in &statements {
+        check_repeatable(call, !is_of_one(*statement)?)?;
+    }
+    for (index, statement) in statements.into_iter().enumerate() {
+        match delete_one(memory, call, &ns, statement, &variables) {
             Ok(count) => outcome.n += count,
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
@@ -42,14 +47,19 @@ fn delete_one(
     fields.known_inside(&["q", "limit", "hint", "collation"])?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let filter = fields.document("q")?.ok_or_else(|| fields.missing("q"))?;
-    let first_only = match fields.whole("limit")? {
-        Some(0) => false,
-        Some(1) => true,
+    let first_only = is_of_one(fields)?;
+    Ok(call.access(memory).delete(ns, Query { filter, modifiers: &modifiers }, first_only)?)
+}
+
+/// Whether a statement removes the first document that matches, and not all.
+fn is_of_one(fields: Fields<'_>) -> Result<bool, Failure> {
+    match fields.whole("limit")? {
+        Some(0) => Ok(false),
+        Some(1) => Ok(true),
         Some(other) => {
             let message = format!("The limit field in delete objects must be 0 or 1. Got {other}");
-            return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+            Err(Failure::new(codes::FAILED_TO_PARSE, message))
         }
-        None => return Err(fields.missing("limit")),
-    };
-    Ok(call.access(memory).delete(ns, Query { filter, modifiers: &modifiers }, first_only)?)
+        None => Err(fields.missing("limit")),
+    }
 }

@@ -25,10 +25,11 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     if definitions.is_empty() {
         return Err(Failure::new(codes::BAD_VALUE, "Must specify at least one index to create"));
     }
+    let definitions = definitions.into_iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let made = memory.create_collection(&ns, None)?;
     let before = shown(memory, call, &ns)?.len();
-    for definition in definitions {
-        memory.create_index(&ns, &read(definition)?)?;
+    for definition in &definitions {
+        memory.create_index(&ns, definition)?;
     }
     let after = shown(memory, call, &ns)?.len();
     let mut reply = doc! {
@@ -107,10 +108,22 @@ fn named(fields: Fields<'_>, present: &[Index]) -> Result<Vec<String>, Failure> 
             Ok(others.map(|kept| kept.name.clone()).collect())
         }
         Some(Bson::String(name)) => Ok(vec![name.clone()]),
-        Some(Bson::Document(keys)) => match present.iter().find(|kept| kept.has_keys(keys)) {
-            Some(found) => Ok(vec![found.name.clone()]),
-            None => Err(Failure::new(codes::NO_INDEX, format!("can't find index with key: {keys}"))),
-        },
+        Some(Bson::Document(keys)) => {
+            let found: Vec<_> =
+                present.iter().filter(|kept| kept.has_keys(keys)).map(|kept| kept.name.clone()).collect();
+            match found.as_slice() {
+                [] => Err(Failure::new(codes::NO_INDEX, format!("can't find index with key: {keys}"))),
+                [_] => Ok(found),
+                several => {
+                    let message = format!(
+                        "{} indexes found for key: {keys}, identify by name instead. Conflicting indexes: {}",
+                        several.len(),
+                        several.join(", ")
+                    );
+                    Err(Failure::new(codes::AMBIGUOUS_INDEX, message))
+                }
+            }
+        }
         Some(Bson::Array(names)) => {
             let text = |name: &Bson| name.as_str().map(str::to_owned);
             let names: Option<Vec<String>> = names.iter().map(text).collect();

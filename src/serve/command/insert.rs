@@ -14,17 +14,20 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.known(&[&COMMON[..], &["let", "documents"]].concat())?;
     let (ordered, documents) = (is_ordered(fields)?, statements(fields, "documents")?);
-    let (mut outcome, mut start) = (Outcome::default(), 0);
-    // Documents are stored together, up to the next one that is refused.
+    let (mut outcome, mut start, mut size) = (Outcome::default(), 0, documents.len());
+    // Documents are stored together, up to the next one that is refused. Where one was, the next are likely to be: few are
+    // tried at first, so that the work does not grow with the square of their number.
     while let Some(rest) = documents.get(start..).filter(|rest| !rest.is_empty()) {
-        let batch: Vec<Document> = rest.iter().map(|document| (*document).clone()).collect();
+        let batch: Vec<Document> = rest.iter().take(size).map(|document| (*document).clone()).collect();
         match call.access(memory).insert(&ns, batch) {
             Ok(inserted) => {
                 outcome.n += inserted.ids.len() as u64;
-                break;
+                start += inserted.ids.len();
+                size *= 2;
             }
             Err(error) => {
                 let stored = error.stored().len();
+                size = stored + 1;
                 outcome.n += stored as u64;
                 let index = start + stored;
                 let id = documents.get(index).and_then(|document| document.get("_id"));

@@ -158,6 +158,9 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
             let message = "Cannot retry a retryable write that has been converted into a transaction";
             return Err(Failure::new(codes::CONVERTED, message));
         }
+        if let Some(later) = host.server.readings.later(once) {
+            return Err(superseded(once, later));
+        }
         host.server.readings.end_before(once);
     }
     let home = home(&call.request);
@@ -182,6 +185,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         let message = format!("Cannot run '{}' in a multi-document transaction.", command.name);
         return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
     }
+    check_in_transaction(&call.request, part.starts)?;
     let ns = home(&call.request);
     if !host.memory()?.is_current(&ns)? {
         let message = "transactions are for databases in a file; this one is on a MongoDB server: connect to that";
@@ -206,6 +210,31 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
             end_transaction(host, once, action, how)
         }
         None => step(host, command, once, part.starts, &Arc::new(call)),
+    }
+}
+
+/// Refuses what a command of a transaction may not say: only the first says what it reads, and only the last who confirms it.
+fn check_in_transaction(request: &Request, starts: bool) -> Result<(), Failure> {
+    let body = &request.body;
+    let is_end = matches!(request.name.as_str(), "commitTransaction" | "abortTransaction");
+    if is_end && request.database != "admin" {
+        let message = format!("{} may only be run against the admin database.", request.name);
+        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    }
+    if !is_end && matches!(request.database.as_str(), "config" | "local") {
+        let message = format!("Cannot run command against the '{}' database in a transaction.", request.database);
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
+    let invalid = |message: &str| Err(Failure::new(codes::INVALID_OPTIONS, message));
+    if !is_end && body.contains_key("writeConcern") {
+        return invalid("writeConcern is not allowed within a multi-statement transaction");
+    }
+    match body.get_document("readConcern") {
+        Ok(_) if !starts => invalid("Only the first command in a transaction may specify a readConcern"),
+        Ok(concern) if matches!(concern.get_str("level"), Ok("available" | "linearizable")) => {
+            invalid("The readConcern level must be either 'local' (default), 'majority' or 'snapshot' in a transaction")
+        }
+        _ => Ok(()),
     }
 }
 

@@ -3,6 +3,7 @@
 use bson::{Document, RawDocumentBuf, doc};
 
 use super::handshake::MAX_BATCH;
+use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 
@@ -45,6 +46,17 @@ pub(super) fn statements<'a>(fields: Fields<'a>, name: &str) -> Result<Vec<&'a D
             let message = format!("Write batch sizes must be between 1 and {MAX_BATCH}. Got {count} operations.");
             Err(Failure::new(codes::INVALID_LENGTH, message))
         }
+    }
+}
+
+/// Refuses a write of many documents that the client may repeat: only one of one document is known again.
+pub(super) fn check_repeatable(call: &Call, is_many: bool) -> Result<(), Failure> {
+    match call.request.transaction {
+        Some(part) if is_many && !part.is_multi => {
+            let message = format!("Cannot use retryable writes with multi-document {}s", call.request.name);
+            Err(Failure::new(codes::INVALID_OPTIONS, message))
+        }
+        _ => Ok(()),
     }
 }
 

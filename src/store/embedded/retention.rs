@@ -15,7 +15,7 @@ use super::snapshot::Snapshot;
 use super::{Embedded, change_log, feed, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
-use crate::store::{ChangePage, Kept, Namespace, Scope, StoreError};
+use crate::store::{ChangePage, Kept, Namespace, Scope, Since, StoreError};
 
 /// MongoDB's code for changes that are not kept any more.
 const HISTORY_LOST: i32 = 286;
@@ -100,17 +100,19 @@ impl Embedded {
         Ok(page)
     }
 
-    /// The position before the first kept change at or after a time.
-    pub(super) fn before(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
-        let read = || -> rusqlite::Result<Option<i64>> {
-            let from = position(&self.connection, scope)?;
+    /// Where the kept changes at or after a time begin.
+    pub(super) fn before(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
+        let read = || -> rusqlite::Result<Option<Since>> {
+            let Some(from) = position(&self.connection, scope)? else { return Ok(None) };
             let sql = "SELECT coalesce(min(sequence) - 1, ?2) FROM changes WHERE time >= ?1";
             let last = change_log::last(&self.connection)?;
             let first: i64 = self
                 .connection
                 .prepare_cached(sql)?
                 .query_row(params![time.timestamp_millis(), last], |row| row.get(0))?;
-            Ok(from.map(|from| first.max(from)))
+            let sql = "SELECT 1 FROM changes WHERE sequence > ?1 AND time < ?2 LIMIT 1";
+            let is_whole = self.connection.prepare_cached(sql)?.exists(params![from, time.timestamp_millis()])?;
+            Ok(Some(Since { position: first.max(from), is_whole }))
         };
         read().map_err(|e| self.explain(&e))?.ok_or_else(|| lost(scope).into())
     }
@@ -122,9 +124,14 @@ fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Re
     let (holder, now) = (Holder::myself().to_string(), DateTime::now().timestamp_millis());
     let before = now.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
     let Some(from) = position(connection, scope)? else {
+        // What is kept for a wider scope is kept for this one, too.
+        let sql = "SELECT coalesce(min(position), ?3) FROM watchers
+                   WHERE missed = 0 AND database IN ('', ?1) AND collection IN ('', ?2) AND substr(name, 1, length(?4)) = ?4";
+        let wider = params![pattern.database, pattern.collection, last, change_log::PREFIX];
+        let from: i64 = connection.prepare_cached(sql)?.query_row(wider, |row| row.get(0))?;
         let sql = "INSERT INTO watchers (name, database, collection, position, holder, beat) VALUES (?, ?, ?, ?, ?, ?)";
-        connection.execute(sql, params![name(scope), pattern.database, pattern.collection, last, holder, now])?;
-        return Ok(Kept { from: last, last });
+        connection.execute(sql, params![name(scope), pattern.database, pattern.collection, from, holder, now])?;
+        return Ok(Kept { from, last, is_new: from == last });
     };
     let sql = "SELECT coalesce(max(sequence), 0) FROM changes WHERE sequence > ?1 AND time < ?2";
     let old: i64 = connection.prepare_cached(sql)?.query_row(params![from, before], |row| row.get(0))?;
@@ -132,7 +139,7 @@ fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Re
     let sql = "UPDATE watchers SET position = ?, holder = ?, beat = ? WHERE name = ?";
     connection.prepare_cached(sql)?.execute(params![from, holder, now, name(scope)])?;
     change_log::trim(connection, &pattern)?;
-    Ok(Kept { from, last })
+    Ok(Kept { from, last, is_new: false })
 }
 
 /// The position behind which all changes of a scope are kept.

@@ -14,7 +14,7 @@ use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
-    Namespace, Put, Query, Scope, Store, StoreError, UpdateRequest, Updated, Values,
+    Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -163,7 +163,7 @@ impl Store for Embedded {
         self.changes_behind(scope, behind, most)
     }
 
-    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<i64, StoreError> {
+    fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         self.before(scope, time)
     }
 

@@ -363,6 +363,12 @@ fn statements() -> Result<(), Failed> {
     assert_eq!((answer.get_i32("n")?, indexes(&answer)), (3, vec![1, 3]));
     let answer = wire.run(&doc! { "insert": "d", "documents": documents.to_vec(), "$db": "a" })?;
     assert_eq!((answer.get_i32("n")?, indexes(&answer)), (1, vec![1]));
+    // Also where many are refused, here and there and all of them.
+    let many: Vec<_> = (0..3000).map(|n| doc! { "_id": if n % 7 == 0 { 0 } else { n } }).collect();
+    let answer = wire.run(&doc! { "insert": "f", "documents": many.clone(), "ordered": false, "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, indexes(&answer)), (2572, (1..429).map(|n| n * 7).collect()));
+    let answer = wire.run(&doc! { "insert": "f", "documents": many, "ordered": false, "$db": "a" })?;
+    assert_eq!((answer.get_i32("n")?, indexes(&answer)), (0, (0..3000).collect()));
     let updates = vec![
         doc! { "q": { "_id": 1 }, "u": { "$set": { "n": "x" } } },
         doc! { "q": { "_id": 1 }, "u": { "$inc": { "n": 1 } } },

@@ -111,6 +111,11 @@ fn checked() -> Result<(), Failed> {
             40_415,
         ),
         (doc! { "insert": "c", "documents": [{}], "writeConcern": { "w": { "rack": "x" } }, "$db": "a" }, 9),
+        (doc! { "ping": 1, "apiVersion": "1", "apiStrict": true, "$db": "a" }, 0),
+        (doc! { "ping": 1, "apiVersion": "2", "$db": "a" }, 322),
+        (doc! { "ping": 1, "apiStrict": true, "$db": "a" }, 4_886_600),
+        (doc! { "delete": "c", "deletes": [{ "q": {}, "limit": 0 }, { "q": {}, "limit": 2 }], "$db": "a" }, 9),
+        (doc! { "dropIndexes": "c", "index": { "a": 1 }, "$db": "a" }, 181),
     ];
     wire.run(&doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }], "$db": "a" })?;
     let modify = |index: Document| doc! { "collMod": "c", "index": index, "$db": "a" };
@@ -127,10 +132,15 @@ fn checked() -> Result<(), Failed> {
     ] {
         assert_eq!(wire.run(&modify(index.clone()))?.get_i32("code").unwrap_or(0), code, "{index}");
     }
+    let other = doc! { "key": { "a": 1 }, "name": "other", "collation": { "locale": "en" } };
+    wire.run(&doc! { "createIndexes": "c", "indexes": [other], "$db": "a" })?;
+    wire.run(&doc! { "insert": "c", "documents": [{ "kept": true }], "$db": "a" })?;
     for (command, code) in cases {
         let reply = wire.run(&command)?;
         assert_eq!(reply.get_i32("code").unwrap_or(0), code, "{command}: {reply}");
     }
+    // Where one statement is wrong, none was done.
+    assert_eq!(count(&mut wire, "c")?, 1);
     Ok(())
 }
 

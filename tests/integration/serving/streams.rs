@@ -16,6 +16,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_stream_ends_where_its_collection_is_gone", ended),
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
     ("a_change_by_another_process_is_reported", received),
+    ("a_stream_from_a_time_misses_nothing_or_says_so", since),
+    ("an_event_that_is_too_large_is_refused", large),
     ("computed_documents_and_metadata_are_no_changes", hidden),
 ];
 
@@ -62,6 +64,57 @@ fn reported() -> Result<(), Failed> {
     assert_eq!(deleted.full_document_before_change, Some(doc! { "_id": 1, "z": 1 }));
     assert_eq!(deleted.document_key, Some(doc! { "_id": 1 }));
     assert!(inserted.cluster_time < deleted.cluster_time);
+    Ok(())
+}
+
+fn since() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let database = served.client()?.database("a");
+    let things = database.collection::<Document>("things");
+    let now = || -> Result<bson::Timestamp, Failed> {
+        Ok(database.run_command(doc! { "ping": 1 }).run()?.get_timestamp("operationTime")?)
+    };
+    let before = now()?;
+    things.insert_one(doc! { "_id": 1 }).run()?;
+    let after = now()?;
+    // What was written before anything was kept is lost, and a stream that would leave it out is refused.
+    assert_eq!(code(things.watch().start_at_operation_time(before).run()), Some(286));
+    assert_eq!(code(database.watch().start_at_operation_time(before).run()), Some(286));
+    let mut stream = things.watch().start_at_operation_time(after).run()?;
+    things.insert_one(doc! { "_id": 2 }).run()?;
+    assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 2 }));
+    // Once more, though other writes came since.
+    let mut stream = things.watch().start_at_operation_time(after).run()?;
+    assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 2 }));
+    // What is kept for a database is kept for each of its collections.
+    let mut stream = database.watch().run()?;
+    let cups = database.collection::<Document>("cups");
+    cups.insert_one(doc! { "_id": 1 }).run()?;
+    cups.insert_one(doc! { "_id": 2 }).run()?;
+    let token = next(&mut stream)?.id;
+    let mut stream = cups.watch().resume_after(token).run()?;
+    assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 2 }));
+    Ok(())
+}
+
+fn large() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    things.insert_one(doc! { "_id": 1, "text": "x".repeat(9 << 20) }).run()?;
+    let watch = things.watch().full_document_before_change(FullDocumentBeforeChangeType::Required);
+    let mut stream = watch.run()?;
+    let mut small = things.watch().pipeline([doc! { "$project": { "operationType": 1 } }]).run()?;
+    things.replace_one(doc! {}, doc! { "text": "y".repeat(9 << 20) }).run()?;
+    let refused = loop {
+        match stream.next_if_any() {
+            Ok(None) => {}
+            event => break code(event),
+        }
+    };
+    assert_eq!(refused, Some(10_334));
+    assert_eq!(next(&mut small)?.operation_type, OperationType::Replace);
     Ok(())
 }
 

@@ -24,6 +24,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
     ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
+    ("only_the_first_command_says_what_is_read_and_only_the_last_who_confirms", said),
     ("a_connection_that_ends_leaves_later_transactions_of_its_session", handed),
 ];
 
@@ -39,8 +40,8 @@ impl Session {
     }
 
     fn run(&mut self, number: i64, starts: bool, mut command: Document) -> Result<Document, Failed> {
-        command
-            .extend(doc! { "$db": "a", "lsid": { "id": self.id.clone() }, "txnNumber": number, "autocommit": false });
+        command.extend(doc! { "lsid": { "id": self.id.clone() }, "txnNumber": number, "autocommit": false });
+        command.entry("$db").or_insert_with(|| "a".into());
         if starts {
             command.insert("startTransaction", true);
         }
@@ -431,6 +432,34 @@ fn late() -> Result<(), Failed> {
         assert!(session.run(number, true, doc! { "find": "c", "filter": { "$bad": 1 } })?.contains_key("code"));
         refused(session.end(number, "commitTransaction")?, 251);
     }
+    Ok(())
+}
+
+fn said() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    let with = |mut command: Document, more: Document| {
+        command.extend(more);
+        command
+    };
+    let level = |level: &str| doc! { "readConcern": { "level": level } };
+    refused(session.run(1, true, with(all(), level("linearizable")))?, 72);
+    refused(session.run(2, true, with(all(), level("available")))?, 72);
+    fine(session.run(3, true, with(all(), level("majority")))?);
+    refused(session.run(3, false, with(all(), level("local")))?, 72);
+    refused(session.run(4, true, with(insert(1), doc! { "writeConcern": { "w": 1 } }))?, 72);
+    refused(session.run(5, true, with(all(), doc! { "$db": "config" }))?, 263);
+    refused(session.run(6, false, doc! { "commitTransaction": 1 })?, 13);
+    // A write of an older number, and one of many documents, cannot be known again.
+    fine(session.run(9, true, all())?);
+    let write = |number: i64, multi: bool| {
+        let update = doc! { "q": {}, "u": { "$set": { "n": 1 } }, "multi": multi };
+        doc! { "update": "c", "updates": [update], "$db": "a", "lsid": { "id": session.id.clone() }, "txnNumber": number }
+    };
+    refused(session.wire.run(&write(8, false))?, 225);
+    refused(session.wire.run(&write(10, true))?, 72);
+    fine(session.wire.run(&write(11, false))?);
     Ok(())
 }
 
