@@ -20,7 +20,7 @@ use crate::exit::Exit;
 use crate::fault::{AtFault as _, Fault};
 use crate::formats::command_line::word;
 use crate::formats::shell::{self, ReadError, Reader};
-use crate::formats::{Diagnostic, Source, Span, csv, yaml};
+use crate::formats::{Diagnostic, Position, Source, Span, csv, yaml};
 use crate::input::unreadable;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
@@ -261,9 +261,6 @@ fn of_other_type(error: ReadError) -> ReadError {
     };
     error.without_hints().hint(format!("for {name}: --type {kind}, or --file with a name that ends in .{kind}")).into()
 }
-
-/// A line and a column, both from 1.
-type Position = (usize, usize);
 
 /// The documents that are read and not yet stored.
 struct Batch<'a> {

@@ -29,6 +29,6 @@ pub mod yaml;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use nearest::nearest;
-pub use source::{Source, Span};
+pub use source::{Position, Source, Span};
 pub use spelling::{Respelled, alike, is_alike};
 pub use texts::Texts;

@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+/// A line and a column, both from 1.
+pub type Position = (usize, usize);
+
 /// A text and the name it goes by in messages: a path, `<stdin>`, `<argument>`.
 ///
 /// Cloning is cheap; the text is shared.
@@ -50,7 +53,7 @@ impl Source {
 
     /// Line and column of a byte offset, both from 1, the column in characters.
     #[must_use]
-    pub fn position(&self, offset: usize) -> (usize, usize) {
+    pub fn position(&self, offset: usize) -> Position {
         let mut offset = offset.min(self.text.len());
         while !self.text.is_char_boundary(offset) {
             offset -= 1;

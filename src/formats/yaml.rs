@@ -13,14 +13,14 @@ use bson::{Binary, Bson, DateTime, Document, spec::BinarySubtype};
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, StrInput, Tag};
 
 use super::shell::{self, MAX_DEPTH};
-use super::{Diagnostic, Source, Span};
+use super::{Diagnostic, Position, Source, Span};
 
 /// At most so many values come from aliases, so that few lines cannot fill the memory.
 const MOST_ALIASED: usize = 1_000_000;
 
 /// The documents of a YAML text, each with the line and column, from 1, where it begins, once the text before it is read. After
 /// an error nothing more comes.
-pub fn documents(source: &Source) -> impl Iterator<Item = Result<((usize, usize), Document), Diagnostic>> {
+pub fn documents(source: &Source) -> impl Iterator<Item = Result<(Position, Document), Diagnostic>> {
     let mut reader = Reader {
         source,
         parser: Parser::new_from_str(source.text()),
@@ -84,7 +84,7 @@ type Found<'a> = (Event<'a>, saphyr_parser::Span);
 
 impl<'a> Reader<'a> {
     /// The next document.
-    fn document(&mut self) -> Result<Option<((usize, usize), Document)>, Diagnostic> {
+    fn document(&mut self) -> Result<Option<(Position, Document)>, Diagnostic> {
         loop {
             let Some((event, place)) = self.next()? else { return Ok(None) };
             match event {
