@@ -19,6 +19,7 @@ mod modifiers;
 pub mod namespace;
 pub(crate) mod parsed;
 mod request;
+pub mod staging;
 mod taken_key;
 pub mod uri;
 pub mod watch;

@@ -10,7 +10,6 @@ mod error;
 mod oplog;
 pub mod read;
 pub mod restore;
-mod staging;
 pub mod world_file;
 pub mod write;
 

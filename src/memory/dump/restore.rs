@@ -4,7 +4,8 @@
 //! added, those whose `_id` is taken replace what is there, equal ones are
 //! skipped, and documents that are only in the memory stay. With it, each collection
 //! is staged beside the one it replaces, in its database, and all are swapped
-//! once everything is stored.
+//! once everything is stored. Many documents of collections that a file does not have yet are staged, too, so that
+//! other processes can write meanwhile.
 //!
 //! On an embedded store either is one step: a process that fails or is killed
 //! leaves what was there. On MongoDB it is not: there a killed
@@ -29,11 +30,14 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use super::batch::{batches, undated};
 use super::error::{RestoreError, nothing_done, unchanged};
 use super::read::{Dump, Part};
-use super::{dry_run, oplog, staging};
+use super::{dry_run, oplog};
 use crate::memory::Memory;
 use crate::query::collation::during;
 use crate::query::{QueryError, key};
-use crate::store::{Find, Index, Namespace, StoreError, TakenKey, index, metadata};
+use crate::store::{Find, Index, Namespace, StoreError, TakenKey, index, metadata, staging};
+
+/// From so many documents on others would wait long for a restore in one step.
+const LONG: u64 = 10_000;
 
 /// What restoring a collection did, or would do.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,10 +112,11 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         let mut namespaces: Vec<&Namespace> = dump.parts.iter().map(|part| &part.namespace).chain(changed).collect();
         namespaces.dedup();
         let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
-        staging::sweep(memory, &namespaces).map_err(failed)?;
+        sweep(memory, &namespaces).map_err(failed)?;
         let apply = || log.map_or(Ok(Vec::new()), |log| oplog::apply(memory, log));
-        let (collections, without) = match options.drop {
-            true => replace(memory, dump, &namespaces, options.stop, apply)?,
+        let is_staged = options.drop || (log.is_none() && is_long_and_new(memory, dump, &counts).map_err(failed)?);
+        let (collections, without) = match is_staged {
+            true => replace(memory, dump, &namespaces, options, apply)?,
             false => memory.atomically(&namespaces, failed, |whole| {
                 Ok((put(memory, dump, false, whole, options.stop)?, apply()?))
             })?,
@@ -129,6 +134,20 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         }
     }
     Ok(report)
+}
+
+/// Whether a dump has many documents, and only of collections that a file of this machine does not have.
+fn is_long_and_new(memory: &Memory, dump: &Dump, counts: &[u64]) -> Result<bool, StoreError> {
+    if counts.iter().sum::<u64>() < LONG {
+        return Ok(false);
+    }
+    for part in &dump.parts {
+        let is_plain = !matches!(part.collation, Some(Some(_)));
+        if !(is_plain && memory.is_in_file(&part.namespace) && memory.indexes(&part.namespace)?.is_empty()) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Puts all documents into the memory; `whole` says that nothing is kept where one fails.
@@ -328,16 +347,16 @@ fn replace<T>(
     memory: &Memory,
     dump: &Dump,
     namespaces: &[&Namespace],
-    stop: Option<&AtomicBool>,
+    options: RestoreOptions<'_>,
     behind: impl FnOnce() -> Result<T, RestoreError>,
 ) -> Result<(Vec<Restored>, T), RestoreError> {
     let failed = |source| RestoreError::Store { which: "the dump; nothing was changed".to_owned(), source };
     let mut staged = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
-        let name = staging::name(&part.namespace);
+        let name = staging::name(staging::RESTORE, &part.namespace);
         staged.push(Staged { name, restored: Restored::nothing(&part.namespace) });
         let stored = match staged.last_mut() {
-            Some(last) => stage(memory, part, last, stop),
+            Some(last) => stage(memory, part, last, options),
             None => Ok(()),
         };
         if let Err(error) = stored {
@@ -347,11 +366,38 @@ fn replace<T>(
         }
     }
     let names: Vec<Namespace> = staged.iter().map(|staged| staged.name.clone()).collect();
-    let swapped = memory.atomically(namespaces, failed, |whole| Ok((swap(memory, staged, whole)?, behind()?)));
+    let swapped = memory.atomically(namespaces, failed, |whole| {
+        if !options.drop {
+            check_absent(memory, dump)?;
+        }
+        Ok((swap(memory, staged, whole)?, behind()?))
+    });
     if swapped.is_err() {
         names.iter().for_each(|name| drop(memory.drop_collection(name)));
     }
     swapped
+}
+
+/// Removes what restores that were killed have left in the databases of these collections.
+fn sweep(memory: &Memory, namespaces: &[&Namespace]) -> Result<(), StoreError> {
+    for found in memory.collections()? {
+        let is_near = namespaces.iter().any(|ns| ns.database == found.database);
+        if is_near && staging::is_litter(staging::RESTORE, &found.collection) {
+            memory.drop_collection(&found)?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses to take the place of collections that another process has made meanwhile.
+fn check_absent(memory: &Memory, dump: &Dump) -> Result<(), RestoreError> {
+    for Part { namespace, .. } in &dump.parts {
+        if !memory.indexes(namespace).map_err(|source| unchanged(namespace, source))?.is_empty() {
+            let reason = "another process has made the collection meanwhile; repeat the restore".to_owned();
+            return Err(unchanged(namespace, StoreError::Failed { address: namespace.to_string(), reason }));
+        }
+    }
+    Ok(())
 }
 
 /// Returns the staged collections their names, one after the other.
@@ -372,8 +418,10 @@ fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restore
     Ok(done)
 }
 
-fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&AtomicBool>) -> Result<(), RestoreError> {
-    staged.restored.dropped = Some(size(memory, &part.namespace)?);
+fn stage(memory: &Memory, part: &Part, staged: &mut Staged, options: RestoreOptions<'_>) -> Result<(), RestoreError> {
+    if options.drop {
+        staged.restored.dropped = Some(size(memory, &part.namespace)?);
+    }
     let failed = |source| unchanged(&part.namespace, source);
     let collation = match &part.collation {
         Some(collation) => collation.clone(),
@@ -383,12 +431,19 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, stop: Option<&Atomic
     // One without documents is made, too.
     memory.create_collection(&staged.name, collation.as_ref()).map_err(failed)?;
     for batch in batches(part.documents()?) {
-        if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+        if options.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             return Err(nothing_done());
         }
-        let inserted =
-            memory.insert(&staged.name, undated(batch?)).map_err(|source| unchanged(&part.namespace, source))?;
-        staged.restored.inserted += inserted.ids.len() as u64;
+        let batch = undated(batch?);
+        if options.drop {
+            staged.restored.inserted += memory.insert(&staged.name, batch).map_err(failed)?.ids.len() as u64;
+        } else {
+            // A document that the dump has twice is as if it was restored twice.
+            let put = memory.put(&staged.name, batch).map_err(failed)?;
+            staged.restored.inserted += put.inserted;
+            staged.restored.replaced += put.replaced;
+            staged.restored.skipped += put.same;
+        }
     }
     let indexes = match &part.indexes {
         Some(indexes) => indexes.clone(),

@@ -43,6 +43,7 @@ mod search;
 mod slices;
 mod snapshot;
 mod spare;
+mod staged;
 mod statistics;
 mod transaction;
 mod verbs;

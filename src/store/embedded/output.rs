@@ -1,7 +1,7 @@
 //! `$out` and `$merge`: the results of a pipeline into a collection.
 //!
-//! All of them in one transaction: where one fails, nothing is changed.
-//! (MongoDB keeps what `$merge` did before.)
+//! Where one fails, nothing is changed: `$merge` is one transaction (MongoDB keeps what it did before), and `$out`
+//! takes the place of the collection at the end ([`super::staged`]).
 
 use std::sync::Arc;
 
@@ -45,21 +45,8 @@ impl Embedded {
         }
     }
 
-    fn replace_collection(&self, ns: &Namespace, results: Results<'_>) -> Result<(), StoreError> {
-        self.write(|| {
-            let collection = self.ensure(ns)?;
-            self.note_drop(ns, collection)?;
-            self.clear(collection)?;
-            for result in results {
-                let (id, body) = document::settle(Document::try_from(&*result?).map_err(QueryError::from)?)?;
-                self.add(ns, collection, &id, &body)?;
-            }
-            Ok(())
-        })
-    }
-
     /// Removes all documents of a collection; its indexes stay, as MongoDB has it.
-    fn clear(&self, collection: Collection) -> Result<(), StoreError> {
+    pub(super) fn clear(&self, collection: Collection) -> Result<(), StoreError> {
         let indexes = self.indexes_of(collection)?;
         let tables = indexes.iter().filter(|index| index.is_kept()).map(|index| index.table());
         for table in tables.chain([collection.table()]) {

@@ -19,7 +19,7 @@ const SLICE: Duration = Duration::from_millis(100);
 /// The same, where the disk is nearly full: it has room for a short log.
 const SHORT_SLICE: Duration = Duration::from_millis(10);
 /// The pause between two slices, in which every waiting writer tries once.
-const PAUSE: Duration = Duration::from_millis(15);
+pub(super) const PAUSE: Duration = Duration::from_millis(15);
 
 /// Which matches are meant, and how they are found.
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +53,7 @@ impl Embedded {
         loop {
             let is_done = self.write(|| {
                 let start = Instant::now();
-                let slice = if self.is_crowded() { SHORT_SLICE } else { SLICE };
+                let slice = self.slice();
                 let Some(collection) = self.collection(ns)? else { return self.end(matched, otherwise) };
                 if open.is_none() && is_sweeping {
                     self.sweep(ns, collection)?;
@@ -88,6 +88,11 @@ impl Embedded {
             }
             std::thread::sleep(PAUSE);
         }
+    }
+
+    /// How long a slice may take.
+    pub(super) fn slice(&self) -> Duration {
+        if self.is_crowded() { SHORT_SLICE } else { SLICE }
     }
 
     /// The end of the last slice.

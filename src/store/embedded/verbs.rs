@@ -87,22 +87,7 @@ impl Store for Embedded {
     }
 
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
-        self.write(|| {
-            let Some(collection) = self.collection(from)? else {
-                return Err(self.fail(&format!("there is no collection {from} to be renamed")));
-            };
-            match self.collection(to)? {
-                Some(present) if present == collection => return Ok(()),
-                Some(present) => {
-                    self.note_drop(to, present)?;
-                    self.erase_collection(present)?;
-                }
-                None => self.note(to, Noted::drop(None))?,
-            }
-            self.note_rename(collection, from, to)?;
-            self.known.forget();
-            collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
-        })
+        self.write(|| self.take_name(from, to))
     }
 
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -358,6 +343,24 @@ impl Embedded {
             }
         }
         result
+    }
+
+    /// Gives a collection another name, in place of one that has it. In a write transaction only.
+    pub(super) fn take_name(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+        let Some(collection) = self.collection(from)? else {
+            return Err(self.fail(&format!("there is no collection {from} to be renamed")));
+        };
+        match self.collection(to)? {
+            Some(present) if present == collection => return Ok(()),
+            Some(present) => {
+                self.note_drop(to, present)?;
+                self.erase_collection(present)?;
+            }
+            None => self.note(to, Noted::drop(None))?,
+        }
+        self.note_rename(collection, from, to)?;
+        self.known.forget();
+        collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
     }
 
     /// Removes a collection with its indexes. In a write transaction only.
