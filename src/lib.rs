@@ -132,6 +132,7 @@ pub mod formats;
 pub mod input;
 pub mod output;
 
+mod deadline;
 pub mod error;
 pub mod exit;
 pub mod fault;

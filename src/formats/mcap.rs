@@ -3,9 +3,10 @@
 //! Source: the MCAP specification and its registry of encodings (`jsonschema`, `json`), at mcap.dev.
 
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::Write;
 
 use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
 use crate::fault::{AtFault, Fault};
@@ -16,9 +17,9 @@ impl AtFault for McapError {
     }
 }
 
-/// A log that is written.
-pub struct Log<W: Write + Seek> {
-    writer: Writer<W>,
+/// A log that is written as it comes, in chunks.
+pub struct Log<W: Write> {
+    writer: Writer<NoSeek<W>>,
     counts: BTreeMap<u16, u32>,
 }
 
@@ -26,13 +27,14 @@ pub struct Log<W: Write + Seek> {
 #[derive(Debug, Clone, Copy)]
 pub struct Channel(u16);
 
-impl<W: Write + Seek> Log<W> {
+impl<W: Write> Log<W> {
     /// Begins a log.
     ///
     /// # Errors
     /// Where `out` fails.
     pub fn new(out: W) -> Result<Self, McapError> {
-        let writer = WriteOptions::new().compression(None).library("rmem").create(out)?;
+        let options = WriteOptions::new().compression(None).library("rmem").disable_seeking(true);
+        let writer = options.create(NoSeek::new(out))?;
         Ok(Self { writer, counts: BTreeMap::new() })
     }
 
@@ -56,12 +58,11 @@ impl<W: Write + Seek> Log<W> {
         self.writer.write_to_known_channel(&header, json.as_bytes())
     }
 
-    /// Ends the log and gives what it was written to; without it, readers find it cut off.
+    /// Ends the log; without it, readers find it cut off.
     ///
     /// # Errors
     /// Where `out` fails.
-    pub fn finish(mut self) -> Result<W, McapError> {
-        self.writer.finish()?;
-        Ok(self.writer.into_inner())
+    pub fn finish(mut self) -> Result<(), McapError> {
+        self.writer.finish().map(drop)
     }
 }

@@ -19,6 +19,9 @@ use crate::store::{
     UpdateRequest, Updated, Values, index,
 };
 
+/// How many documents are decoded at once.
+const BATCH: usize = 1000;
+
 /// Stores as they were.
 struct Past {
     source: Routes,
@@ -54,8 +57,10 @@ impl Past {
             if let Some(collation) = index::collation(&source.indexes(ns)?) {
                 Store::create(&self.copy, ns, Some(&collation))?;
             }
-            let documents: Result<Vec<Document>, _> = documents.iter().map(|raw| Document::try_from(&**raw)).collect();
-            self.copy.insert(ns, documents.map_err(QueryError::from)?)?;
+            for batch in documents.chunks(BATCH) {
+                let batch: Result<Vec<Document>, _> = batch.iter().map(|raw| Document::try_from(&**raw)).collect();
+                self.copy.insert(ns, batch.map_err(QueryError::from)?)?;
+            }
         }
         Ok(&self.copy)
     }

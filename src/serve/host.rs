@@ -9,11 +9,13 @@ use bson::RawDocumentBuf;
 
 use super::cursor::{self, Open, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
-use super::job::{Job, Work};
+use super::job::{Claim, Job, Work};
 use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
+use super::request::too_long;
 use super::server::Server;
 use super::session::Once;
+use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 
@@ -84,29 +86,57 @@ impl<'m> Host<'m> {
         !self.cursors.is_empty()
     }
 
-    /// Has something written: by the writer, with what others write.
-    pub(super) fn write(&mut self, ns: Namespace, once: Option<Once>, work: Work) -> Answer {
+    /// Has something written: by the writer, with what others write. It is not begun any more after the deadline.
+    pub(super) fn write(&mut self, ns: Namespace, once: Option<Once>, deadline: Option<Instant>, work: Work) -> Answer {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
+            let _deadline = Deadline::set(deadline);
             return work(memory);
         }
-        self.submit(|reply| Job::Write { ns, once, work, reply })
+        let claim = Claim::default();
+        let begun = claim.clone();
+        let work: Work = Box::new(move |memory| {
+            if !begun.take() {
+                return Err(too_long());
+            }
+            let _deadline = Deadline::set(deadline);
+            work(memory)
+        });
+        let (question, reply) = self.question();
+        self.server.writer.submit(Job::Write { ns, once, work, reply })?;
+        self.wait_until(question, deadline.map(|deadline| (deadline, claim)))
     }
 
     /// Gives the writer something to do and waits for its answer.
     pub(super) fn submit(&mut self, job: impl FnOnce(Reply) -> Job) -> Answer {
-        let (question, reply) = self.inbox.question(Failure::new(codes::SHUTDOWN, "the server is shutting down"));
+        let (question, reply) = self.question();
         self.server.writer.submit(job(reply))?;
         self.wait(question)
     }
 
+    /// A question to the writer.
+    fn question(&self) -> (Question, Reply) {
+        self.inbox.question(Failure::new(codes::SHUTDOWN, "the server is shutting down"))
+    }
+
     /// Waits for the answer to a question, answering messages meanwhile.
     pub(super) fn wait(&mut self, question: Question) -> Answer {
+        self.wait_until(question, None)
+    }
+
+    /// The same; a write that has not been begun at its deadline is given up.
+    fn wait_until(&mut self, question: Question, mut limit: Option<(Instant, Claim)>) -> Answer {
         loop {
-            match self.server.turns.paused(|| self.inbox.receive(TICK)) {
+            let left = limit.as_ref().map(|(deadline, _)| deadline.saturating_duration_since(Instant::now()));
+            match self.server.turns.paused(|| self.inbox.receive(left.unwrap_or(TICK).min(TICK))) {
                 Some(ThreadMessage::Answer(number, answer)) if question.is(number) => return answer,
                 Some(message) => self.handle(message),
                 None => self.expire(),
+            }
+            if let Some((_, claim)) = limit.take_if(|(deadline, _)| Instant::now() >= *deadline)
+                && claim.take()
+            {
+                return Err(too_long());
             }
         }
     }

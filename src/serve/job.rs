@@ -1,6 +1,7 @@
 //! The jobs of the writer, and the queue that they come through.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
@@ -11,6 +12,17 @@ use super::session::{Once, SessionId};
 use super::snapshot::Snapshot;
 use crate::memory::Memory;
 use crate::store::Namespace;
+
+/// Whoever is first has a write: the writer, which begins it, or its client, which gives it up.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Claim(Arc<AtomicBool>);
+
+impl Claim {
+    /// Takes it; says whether it was free.
+    pub(super) fn take(&self) -> bool {
+        !self.0.swap(true, Ordering::SeqCst)
+    }
+}
 
 /// Something to be written.
 pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;

@@ -113,12 +113,16 @@ impl Request {
         }
     }
 
+    /// Until when the command may take. The limit of `getMore` is how long it waits for changes.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        let limit = self.limit.filter(|_| self.name != "getMore")?;
+        self.since.checked_add(limit)
+    }
+
     /// Whether the command has taken as long as it may.
     pub(super) fn check_time(&self) -> Result<(), Failure> {
-        match self.limit {
-            Some(limit) if self.since.elapsed() >= limit => {
-                Err(Failure::new(codes::TOO_LONG, "operation exceeded time limit"))
-            }
+        match self.deadline() {
+            Some(deadline) if Instant::now() >= deadline => Err(too_long()),
             _ => Ok(()),
         }
     }
@@ -133,6 +137,11 @@ impl Request {
     pub(super) fn is_in_transaction(&self) -> bool {
         self.transaction.is_some_and(|part| part.is_multi)
     }
+}
+
+/// The failure of a command that takes longer than its `maxTimeMS`.
+pub(super) fn too_long() -> Failure {
+    Failure::new(codes::TOO_LONG, "operation exceeded time limit")
 }
 
 /// Refuses what is no name of a database, whatever the command: with a dot in it, it would name a collection.

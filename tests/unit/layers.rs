@@ -16,7 +16,7 @@ const RECURSIVE: [(&str, usize, &str); 4] = [
 ];
 
 /// Each module, and the modules that it uses. A new dependency is written down here.
-const USES: [(&str, &str); 26] = [
+const USES: [(&str, &str); 27] = [
     ("backend", "fault formats settings store"),
     ("bench", "memory store views"),
     ("calendar", ""),
@@ -27,6 +27,7 @@ const USES: [(&str, &str); 26] = [
         "backend bench calendar clips error exit fault formats input interrupt memory output pddl plan \
          planner planning problem process query scene serve settings store views",
     ),
+    ("deadline", ""),
     ("error", "fault"),
     ("exit", ""),
     ("fault", ""),
@@ -43,9 +44,9 @@ const USES: [(&str, &str); 26] = [
     ("process", "formats"),
     ("query", "calendar fault"),
     ("scene", "formats memory query store"),
-    ("serve", "fault memory query store"),
+    ("serve", "deadline fault memory query store"),
     ("settings", "error formats input memory output pddl planner query scene store"),
-    ("store", "calendar fault formats interrupt process query"),
+    ("store", "calendar deadline fault formats interrupt process query"),
     ("views", "fault formats memory query scene store"),
 ];
 

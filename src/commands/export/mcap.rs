@@ -1,9 +1,9 @@
 //! `rmem export mcap`: documents over time as an MCAP log.
 
-use std::io::Cursor;
+use std::io::Write;
 use std::path::PathBuf;
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 use clap::Args;
 
 use crate::commands::query::{blame, filter_of, owned};
@@ -65,16 +65,46 @@ pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
         .clone()
         .unwrap_or_else(|| Namespace { database: args.namespace.database.clone(), collection: "frames".to_owned() });
     let frames = Frames::read(&place, |find| memory.find(&place, find))?;
-    let mut log = Log::new(Cursor::new(Vec::new())).context("beginning the log")?;
-    let topic = format!("/{}", args.namespace.to_string().replace('.', "/"));
+    let mut written = Written::default();
+    let ended = context.output.write_with(&args.output, |out| {
+        let documents = memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))?;
+        let documents = documents.map(|found| found.map_err(|error| blame(error, &given)));
+        written = write_log(args, &kinds, &frames, documents, out)?;
+        match written.documents {
+            0 => Err(WrongInput::new(format!(
+                "no document of {} has a date or seconds under `{}`",
+                args.namespace, args.time
+            ))
+            .into()),
+            _ => Ok(()),
+        }
+    });
+    if ended.is_err() && written.documents == 0 {
+        missing::refuse(&args.namespace, &memory, context)?;
+    }
+    ended?;
+    context.output.note(&written.to_string());
+    Ok(Exit::Done)
+}
+
+/// Writes documents that are in the order of their times as a log.
+fn write_log(
+    args: &McapArgs,
+    kinds: &Kinds,
+    frames: &Frames,
+    documents: impl Iterator<Item = Result<RawDocumentBuf>>,
+    out: &mut dyn Write,
+) -> Result<Written> {
+    let mut log = Log::new(out).context("beginning the log")?;
     let name = args.namespace.to_string();
+    let topic = format!("/{}", name.replace('.', "/"));
     let channels = Channels {
         documents: log.channel(&topic, &name, r#"{"type":"object"}"#)?,
         scene: log.channel(&format!("{topic}/scene"), SCENE_UPDATE, SCENE_UPDATE_SCHEMA)?,
     };
     let mut written = Written::default();
-    for found in memory.find(&args.namespace, &find).map_err(|error| blame(error, &given))? {
-        let raw = found.map_err(|error| blame(error, &given))?;
+    for found in documents {
+        let raw = found?;
         let kind = kinds.find(&raw)?;
         let document = owned(raw)?;
         let Some(time) = lookup(&document, &args.time).and_then(nanoseconds) else {
@@ -95,15 +125,8 @@ pub(super) fn run(args: &McapArgs, context: &mut Context<'_>) -> Result<Exit> {
             written.objects += 1;
         }
     }
-    if written.documents == 0 {
-        missing::refuse(&args.namespace, &memory, context)?;
-        let field = &args.time;
-        return Err(WrongInput::new(format!("no document of {name} has a date or seconds under `{field}`")).into());
-    }
-    let bytes = finish(log)?;
-    context.output.write_file(&args.output, &bytes)?;
-    context.output.note(&written.to_string());
-    Ok(Exit::Done)
+    log.finish().context("ending the log")?;
+    Ok(written)
 }
 
 /// What was written.
@@ -142,9 +165,4 @@ fn nanoseconds(value: &Bson) -> Option<u64> {
             Some((seconds * 1e6).round() as u64 * 1000)
         }
     }
-}
-
-/// The bytes of the whole log.
-fn finish(log: Log<Cursor<Vec<u8>>>) -> Result<Vec<u8>> {
-    log.finish().context("ending the log").map(Cursor::into_inner)
 }

@@ -228,6 +228,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
     let kept = host.write(
         ns.clone(),
         None,
+        call.request.deadline(),
         Box::new(move |memory| {
             let written = server.clock.written().unwrap_or(clock::of(server.started, 0));
             let kept = server.scopes.keep(memory, &scope, written)?;

@@ -42,6 +42,7 @@ use super::request::{Confirmation, Request};
 use super::server::Server;
 use super::session::{Finished, How, Once, started, superseded};
 use super::wire::Form;
+use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::Namespace;
 use definition::{Command, Run, raw};
@@ -115,6 +116,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     if call.request.is_in_transaction() {
         return in_transaction(host, client, command, call);
     }
+    let _deadline = Deadline::set(call.request.deadline());
     match command.run {
         Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, &call),
@@ -163,12 +165,12 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         }
         host.server.readings.end_before(once);
     }
-    let home = home(&call.request);
+    let (home, deadline) = (home(&call.request), call.request.deadline());
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
         run(memory, &call)
     };
-    host.write(home, once, Box::new(work))
+    host.write(home, once, deadline, Box::new(work))
 }
 
 /// A collection of the database that a command is about: it says which store.
@@ -296,6 +298,7 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
 /// Runs a command where its transaction is.
 pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
     let Some(command) = find(&call.request.name) else { return Err(unknown(&call.request)) };
+    let _deadline = Deadline::set(call.request.deadline());
     let is_writing = command.is_writing(&call.request);
     if is_writing && host.server.options.read_only {
         return Err(Failure::new(codes::ILLEGAL, "this memory is served read-only"));

@@ -25,9 +25,12 @@ use super::indexed::{Indexes, decay};
 use super::page::PageError;
 use super::snapshot::Snapshot;
 use super::{Embedded, body, failure};
-use crate::query::{Filter, Sort, collation};
+use crate::deadline;
+use crate::query::{Filter, QueryError, Sort, collation};
 use crate::store::{Hint, StoreError, metadata};
 
+/// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
+const EXCEEDED_TIME_LIMIT: i32 = 50;
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
 /// The most documents in a page.
@@ -593,6 +596,10 @@ impl Iterator for Scan<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
+            if let Err(error) = check_deadline() {
+                (self.rest, self.page) = (Rest::Nothing, VecDeque::new());
+                return Some(Err(error));
+            }
             if let Some(found) = self.page.pop_front() {
                 return Some(Ok(found));
             }
@@ -610,12 +617,21 @@ impl Iterator for Scan<'_> {
 impl Embedded {
     /// Refuses to go on reading where the time for it is over.
     fn check_time(&self) -> Result<(), StoreError> {
+        check_deadline()?;
         match self.reads_until.get() {
             Some(until) if Instant::now() >= until => {
                 Err(StoreError::Held { what: "what reads while writers wait takes too long".to_owned() })
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// Refuses to go on where the operation has taken as long as it may.
+fn check_deadline() -> Result<(), StoreError> {
+    match deadline::has_passed() {
+        true => Err(QueryError::invalid(EXCEEDED_TIME_LIMIT, "operation exceeded time limit").into()),
+        false => Ok(()),
     }
 }
 

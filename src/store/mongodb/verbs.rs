@@ -36,6 +36,12 @@ macro_rules! modified {
             $action = $action.let_vars($modifiers.variables.clone());
         }
     };
+    // What is left of the time that the operation may take; zero would be no limit.
+    (@time $action:ident, $modifiers:ident) => {
+        if let Some(left) = crate::deadline::left() {
+            $action = $action.max_time(left.max(std::time::Duration::from_millis(1)));
+        }
+    };
     (@hint $action:ident, $modifiers:ident) => {
         if let Some(hint) = &$modifiers.hint {
             $action = $action.hint(hint_of_driver(hint));
@@ -75,7 +81,7 @@ impl Store for MongoDb {
             }
             action = action.skip(find.skip);
         }
-        action = modified!(action, &find.modifiers, collation variables hint);
+        action = modified!(action, &find.modifiers, collation variables hint time);
         if find.limit > 0 {
             action = action.limit(i64::try_from(find.limit).unwrap_or(i64::MAX));
         }
@@ -90,20 +96,20 @@ impl Store for MongoDb {
     fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
         let collection = self.collection(ns);
         let action = collection.count_documents(behind_expression(query.filter).into_owned());
-        modified!(action, query.modifiers, collation hint).run().map_err(|e| self.explain(&e))
+        modified!(action, query.modifiers, collation hint time).run().map_err(|e| self.explain(&e))
     }
 
     fn values(&self, ns: &Namespace, field: &str, query: Query<'_>) -> Result<Values, StoreError> {
         let collection = self.collection(ns);
         let action = collection.distinct(field, behind_expression(query.filter).into_owned());
-        let values = modified!(action, query.modifiers, collation).run().map_err(|e| self.explain(&e))?;
+        let values = modified!(action, query.modifiers, collation time).run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(values.into_iter().map(Ok)))
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
         let collection = self.collection(ns);
         let action = collection.aggregate(in_stages(pipeline.stages));
-        let action = modified!(action, pipeline.modifiers, collation variables hint);
+        let action = modified!(action, pipeline.modifiers, collation variables hint time);
         let cursor = action.with_type::<RawDocumentBuf>().run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }

@@ -20,6 +20,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("values_are_mapped_and_reduced_into_an_answer_or_a_collection", map_reduced),
     ("statements_of_a_command_fail_one_by_one", statements),
     ("nothing_is_changed_where_the_memory_is_served_read_only", read_only),
+    ("a_command_ends_within_its_time_also_in_the_midst_of_its_work", timed),
     ("two_hundred_connections_write_at_once", crowd),
 ];
 
@@ -388,6 +389,35 @@ fn statements() -> Result<(), Failed> {
     assert_eq!((answer.get_i32("n")?, indexes(&answer)), (2, vec![1]));
     let found = wire.run(&doc! { "find": "e", "filter": { "n": 1, "m": 1 }, "$db": "a" })?;
     assert_eq!(found.get_document("cursor")?.get_array("firstBatch")?.len(), 1);
+    Ok(())
+}
+
+fn timed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let documents: Vec<_> = (0..10_000).map(|n| doc! { "_id": n }).collect();
+    wire.run(&doc! { "insert": "c", "documents": documents, "$db": "a" })?;
+    // Each with each would take minutes.
+    let each = doc! { "$lookup": { "from": "c", "pipeline": [{ "$match": { "n": 1 } }], "as": "all" } };
+    let limited = |mut command: Document| {
+        command.extend(doc! { "maxTimeMS": 200, "$db": "a" });
+        command
+    };
+    let commands = [
+        doc! { "aggregate": "c", "pipeline": [each.clone(), { "$sort": { "all": 1 } }], "cursor": {} },
+        doc! { "aggregate": "c", "pipeline": [each, { "$out": "d" }], "cursor": {} },
+        doc! { "update": "c", "updates": [{ "q": { "$where": "for (let n = 0; n < 1e5; n++); return true" }, "u": { "$set": { "n": 1 } }, "multi": true }] },
+    ];
+    for command in commands {
+        let reply = wire.run(&limited(command.clone()))?;
+        let failure = reply.get_array("writeErrors").ok().and_then(|errors| errors.first()?.as_document());
+        assert_eq!(failure.unwrap_or(&reply).get_i32("code").ok(), Some(50), "{command}: {reply}");
+    }
+    for (query, count) in [(doc! { "n": 1 }, 0), (doc! {}, 10_000)] {
+        assert_eq!(wire.run(&doc! { "count": "c", "query": query, "$db": "a" })?.get_i32("n")?, count);
+    }
+    assert_eq!(wire.run(&doc! { "count": "d", "$db": "a" })?.get_i32("n")?, 0);
     Ok(())
 }
 

@@ -44,6 +44,9 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert_eq!(many.find(doc! {}).batch_size(50).run()?.count(), 500);
     assert_eq!(code(things.insert_one(doc! { "_id": 1 }).run()), Some(11_000));
     assert_eq!(things.delete_many(doc! {}).run()?.deleted_count, 3);
+    many.insert_one(doc! { "_id": -1 }).run()?;
+    let slow = many.find(doc! { "$where": "sleep(60000) || true" }).max_time(std::time::Duration::from_millis(200));
+    assert_eq!(code(slow.run()), Some(50));
     // What only the server itself can do is refused, with the reason.
     let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
     assert!(refusal.contains("on a MongoDB server: connect to that"), "{refusal}");

@@ -20,6 +20,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_cursor_of_an_ended_transaction_says_whose_it_was", ended),
     ("a_snapshot_that_cannot_be_taken_is_not_tried_again", exhausted),
     ("a_computable_runs_in_a_transaction_that_has_read", computed),
+    ("a_write_that_waits_for_a_transaction_longer_than_it_may_is_not_done", overdue),
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
@@ -349,6 +350,20 @@ fn second() -> Result<(), Failed> {
     fine(other.run(2, true, insert(2))?);
     fine(other.end(2, "commitTransaction")?);
     assert_eq!(count(&mut one.wire)?, 2);
+    Ok(())
+}
+
+fn overdue() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (mut session, mut other) = (Session::open(&served)?, Wire::connect(served.address())?);
+    fine(session.run(1, true, insert(1))?);
+    let mut limited = insert(2);
+    limited.insert("maxTimeMS", 100);
+    refused(plain(&mut other, limited)?, 50);
+    fine(session.end(1, "commitTransaction")?);
+    fine(plain(&mut other, insert(3))?);
+    assert_eq!(found(&plain(&mut other, all())?, "firstBatch")?, [1, 3]);
     Ok(())
 }
 
