@@ -59,26 +59,7 @@ impl Context<'_> {
             }
             _ => {}
         }
-        let mut count = 0;
-        for document in documents {
-            let document = match document {
-                Err(error) if format == Format::Json && count > 0 => {
-                    writeln!(stdout)?;
-                    return Err(error);
-                }
-                document => document?,
-            };
-            match format {
-                Format::Canonical => writeln!(stdout, "{}", shell::canonical(&document))?,
-                Format::Json => write_element(&document.into(), count == 0, stdout)?,
-                _ => writeln!(stdout, "{}", shell::relaxed(&document))?,
-            }
-            count += 1;
-        }
-        if format == Format::Json {
-            writeln!(stdout, "{}", if count == 0 { "[]" } else { "\n]" })?;
-        }
-        Ok(count)
+        write_values(documents.map(|document| Ok(document?.into())), format, stdout)
     }
 
     /// Prints values as they come, one a line or as one array; returns how many.
@@ -87,24 +68,7 @@ impl Context<'_> {
     /// Where a value cannot be had or stdout fails.
     pub fn print_values(&mut self, values: impl Iterator<Item = Result<Bson>>) -> Result<u64> {
         let format = self.format(&formats::VALUES)?;
-        let mut count = 0;
-        for value in values {
-            let value = value?;
-            match format {
-                Format::Json => {
-                    let separator = if count == 0 { "[" } else { "," };
-                    let value = shell::pretty(&value).replace('\n', "\n  ");
-                    write!(self.output.stdout(), "{separator}\n  {value}")?;
-                }
-                Format::Canonical => self.output.line(&shell::canonical_value(&value))?,
-                _ => self.output.line(&shell::relaxed_value(&value))?,
-            }
-            count += 1;
-        }
-        if format == Format::Json {
-            self.output.line(if count == 0 { "[]" } else { "\n]" })?;
-        }
-        Ok(count)
+        write_values(values, format, self.output.stdout())
     }
 
     /// Prints a single document as [`Context::print_documents`] does, but as JSON without an array around it.
@@ -185,8 +149,25 @@ fn print_table(
     Ok(count)
 }
 
-/// Writes an element of an array, and what separates it from the one before.
-fn write_element(value: &Bson, is_first: bool, out: &mut dyn Write) -> std::io::Result<()> {
-    let separator = if is_first { "[\n" } else { ",\n" };
-    write!(out, "{separator}{}", shell::pretty(value))
+/// Writes values as they come, one a line or as one array; returns how many.
+fn write_values(values: impl Iterator<Item = Result<Bson>>, format: Format, out: &mut dyn Write) -> Result<u64> {
+    let mut count = 0;
+    for value in values {
+        if format == Format::Json && count > 0 {
+            // What follows an error begins a line, too.
+            writeln!(out, "{}", if value.is_ok() { "," } else { "" })?;
+        }
+        let value = value?;
+        match format {
+            Format::Json if count == 0 => write!(out, "[\n{}", shell::pretty(&value))?,
+            Format::Json => write!(out, "{}", shell::pretty(&value))?,
+            Format::Canonical => writeln!(out, "{}", shell::canonical_value(&value))?,
+            _ => writeln!(out, "{}", shell::relaxed_value(&value))?,
+        }
+        count += 1;
+    }
+    if format == Format::Json {
+        writeln!(out, "{}", if count == 0 { "[]" } else { "\n]" })?;
+    }
+    Ok(count)
 }

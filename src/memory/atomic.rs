@@ -1,7 +1,7 @@
 //! Several operations as one: kept as a whole, or not at all.
 
 use super::Memory;
-use crate::store::{Namespace, Store, StoreError};
+use crate::store::{Namespace, Step, Store, StoreError, Undone, as_step};
 
 impl Memory {
     /// Runs operations on some collections as one, as far as their stores can; `work` gets
@@ -23,27 +23,14 @@ impl Memory {
             }
         }
         let whole = stores.iter().all(|store| store.is_atomic());
-        let (mut work, mut outcome) = (Some(work), None);
-        let kept = nest(&stores, &mut || {
-            outcome = work.take().map(|work| work(whole));
-            match &outcome {
-                Some(Ok(_)) => Ok(()),
-                // It only says that nothing is to be kept.
-                _ => Err(StoreError::Failed { address: self.describe(), reason: "nothing was done".to_owned() }),
-            }
-        });
-        match (kept, outcome) {
-            (Ok(()), Some(done)) => done,
-            (Err(_), Some(Err(error))) => Err(error),
-            (Err(error), _) => Err(failed(error)),
-            (Ok(()), None) => {
-                Err(failed(StoreError::Failed { address: self.describe(), reason: "nothing was done".to_owned() }))
-            }
-        }
+        as_step(|work| nest(&stores, work), || work(whole)).map_err(|undone| match undone {
+            Undone::Work(error) => error,
+            Undone::Store(error) => failed(error),
+        })
     }
 }
 
-fn nest(stores: &[&dyn Store], work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+fn nest(stores: &[&dyn Store], work: Step<'_>) -> Result<(), StoreError> {
     match stores {
         [] => work(),
         [store, rest @ ..] => store.atomically(&mut || nest(rest, work)),

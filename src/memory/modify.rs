@@ -4,7 +4,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::{Memory, unseen};
 use crate::query::{Filter, QueryError, Update};
-use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec};
+use crate::store::{Find, Namespace, StoreError, Undone, UpdateRequest, UpdateSpec, as_step};
 
 /// How often a document is looked for again after another client of a server changed it.
 const ATTEMPTS: usize = 64;
@@ -50,22 +50,9 @@ impl Memory {
         let upserts = matches!(modification, Modification::Update { upsert: true, .. });
         let store = if upserts { self.routes.of(ns)? } else { self.routes.reading(ns)? };
         if store.is_atomic() {
-            let mut modified = None;
-            let mut failure = None;
-            let kept = store.atomically(&mut || match asked.once(true) {
-                Ok(found) => {
-                    modified = found;
-                    Ok(())
-                }
-                Err(error) => {
-                    // The error that the transaction ends with only says that nothing is kept.
-                    failure = Some(error);
-                    Err(StoreError::Failed { address: store.describe(), reason: "nothing is kept".to_owned() })
-                }
-            });
-            return match failure {
-                Some(error) => Err(error),
-                None => kept.map(|()| modified.unwrap_or_default()),
+            return match as_step(|work| store.atomically(work), || asked.once(true)) {
+                Ok(modified) => Ok(modified.unwrap_or_default()),
+                Err(Undone::Work(error) | Undone::Store(error)) => Err(error),
             };
         }
         for _ in 0..ATTEMPTS {

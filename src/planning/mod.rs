@@ -23,7 +23,7 @@ mod task;
 pub use check::{Check, Fault, Origin, check};
 pub use error::PlanningError;
 pub use monitor::{Monitor, PlanState};
-pub use request::{DEFAULT_TIMEOUT, PlanRequest, SearchOptions};
+pub use request::{DEFAULT_TIMEOUT, MAX_OUTPUT, PlanRequest, SearchOptions};
 pub use result::{Note, PlanResult};
 pub use search::{PreparedSearch, prepare, prepare_started, start};
 pub use task::PlanningTask;

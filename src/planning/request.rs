@@ -12,7 +12,7 @@ use crate::store::Namespace;
 
 /// The most that a planner may print on one stream, or write as its plan, in bytes. More is not a plan, and takes
 /// long to read.
-const MAX_OUTPUT: u64 = 16 << 20;
+pub const MAX_OUTPUT: u64 = 16 << 20;
 
 /// The time limit where none is given.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);

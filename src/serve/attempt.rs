@@ -1,23 +1,13 @@
 //! Writes of which, where they fail, nothing is kept.
 
-use super::failure::{Answer, Failure, codes};
+use super::failure::Answer;
 use crate::memory::Memory;
-use crate::store::{Namespace, StoreError};
+use crate::store::{Namespace, Undone, as_step};
 
 /// Does something that, where it fails, has done nothing.
 pub(super) fn attempt(memory: &Memory, ns: &Namespace, work: impl FnOnce(&Memory) -> Answer) -> Answer {
-    let (mut work, mut answer) = (Some(work), None);
-    let kept = memory.as_one(ns, &mut || {
-        answer = work.take().map(|work| work(memory));
-        match &answer {
-            Some(Ok(_)) => Ok(()),
-            // It only says that nothing is to be kept.
-            _ => Err(StoreError::Failed { address: memory.describe(), reason: "nothing was done".to_owned() }),
-        }
-    });
-    match (kept, answer) {
-        (Ok(()), Some(answer)) | (Err(_), Some(answer @ Err(_))) => answer,
-        (Err(error), _) => Err(error.into()),
-        (Ok(()), None) => Err(Failure::new(codes::INTERNAL, "nothing was done")),
-    }
+    as_step(|step| memory.as_one(ns, step), || work(memory)).map_err(|undone| match undone {
+        Undone::Work(failure) => failure,
+        Undone::Store(error) => error.into(),
+    })
 }

@@ -105,9 +105,9 @@ fn doctor_tries_domains_and_templates() {
     lab.write("wrong.j2", "(define (problem x) {{ nothing(");
     let files = ["--domain", "wrong.pddl", "--domain", TASK[3], "--template", "wrong.j2"];
     let found = lab.rmem(&[&["doctor"], &files[..]].concat()).exits(1);
-    assert!(found.stdout.contains("domain wrong.pddl: wrong.pddl:1:"), "{found}");
-    assert!(found.stdout.contains("domain domains/blocksworld/domain.pddl: ok, 4 actions"), "{found}");
-    assert!(found.stdout.contains("template wrong.j2: ") && found.stdout.contains("wrong.j2:1:"), "{found}");
+    assert!(found.stdout.contains("domain     wrong.pddl: wrong.pddl:1:"), "{found}");
+    assert!(found.stdout.contains("domain     domains/blocksworld/domain.pddl: ok, 4 actions"), "{found}");
+    assert!(found.stdout.contains("template   wrong.j2: ") && found.stdout.contains("wrong.j2:1:"), "{found}");
 }
 
 #[test]
@@ -120,6 +120,8 @@ fn doctor_prints_json() {
     };
     assert_eq!(of("memory", "mem:").unwrap()["state"], "ok, 0 collections");
     assert_eq!(of("planner", "builtin").unwrap()["ok"], true);
+    assert_eq!(of("memory", "mem:").unwrap()["ok"], true);
+    assert!(found[0]["check"] == "settings" && found[0]["name"].is_null() && found[0]["ok"].is_null(), "{found}");
     assert!(lab.rmem(&["doctor", "--help"]).success().contains("Output format: text, json"));
 }
 
@@ -147,7 +149,7 @@ fn doctor_counts_actions_with_and_without_duration() {
     lab.write("e.pddl", "(define (domain e) (:predicates (p)) (:action a :parameters () :effect (p)))");
     let found = lab.rmem(&["doctor", "--domain", "d.pddl", "--domain", "e.pddl"]).stdout;
     assert!(
-        found.contains("domain d.pddl: ok, 2 actions\n") && found.contains("domain e.pddl: ok, 1 action\n"),
+        found.contains("domain     d.pddl: ok, 2 actions\n") && found.contains("domain     e.pddl: ok, 1 action\n"),
         "{found}"
     );
 }

@@ -144,8 +144,8 @@ fn each_format_is_what_it_is_called_or_refused() {
     "#);
     assert_run!(lab.rmem(&["distinct", "robmem.worldmodel", "relation", "--format", "json"]), @r#"
     [
-      "on",
-      "on-table"
+    "on",
+    "on-table"
     ]
     ------- stderr -------
     [exit code: 0]

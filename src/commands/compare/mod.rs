@@ -21,14 +21,13 @@ use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::output::Format;
 use crate::planner::{Host, Limits, Planner, Task};
+use crate::planning::MAX_OUTPUT;
 use crate::planning::comparison::{Measurement, Score, Setup, measure, program_files, refute, scores, unscored};
 use crate::store::{Find, Namespace};
 use crate::views::pictures;
 
 /// The formats: lines appear as they are measured.
 const FORMATS: [Format; 5] = [Format::Jsonl, Format::Json, Format::Table, Format::Csv, Format::Tsv];
-/// The most that a planner may print, in bytes.
-const MAX_OUTPUT: u64 = 16 << 20;
 /// The limit of memory where none is given: none, but that the memory in use is looked at.
 const NO_LIMIT: u64 = i64::MAX as u64;
 

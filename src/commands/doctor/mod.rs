@@ -60,7 +60,7 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     let mut report = Report::new(context.format(&formats::TEXT)? == Format::Json);
     let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
-    report.add(&format!("settings   {settings}"), context)?;
+    report.add(Row::fact("settings", None, &settings), context)?;
 
     let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
     let state = match context.memory().and_then(|memory| Ok(memory.collections()?.len())) {
@@ -70,10 +70,11 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
             format!("{error:#}")
         }
     };
-    report.add(&format!("memory     {address}: {state}"), context)?;
+    report.add(Row { is_fine: Some(healthy), ..Row::fact("memory", Some(&address), &state) }, context)?;
     #[cfg(feature = "serve")]
     if let Some(server) = super::serve::server(&context.settings) {
-        report.add(&format!("served     by process {} at {}", server.process, server.uris), context)?;
+        let state = format!("by process {} at {}", server.process, server.uris);
+        report.add(Row::fact("served", None, &state), context)?;
     }
 
     if args.deep && healthy {
@@ -84,9 +85,11 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     let computables = trial::computables(&asked, memory.as_ref(), context);
     let files = trial::files(&args.domain, &args.template, &args.options, memory.as_ref(), context)?;
     let planners = trial::planners(context)?;
-    let mut is_fine = print("computable ", &computables, &mut report, context)?;
-    is_fine &= print("", &files, &mut report, context)?;
-    is_fine &= print("planner    ", &planners, &mut report, context)?;
+    let mut is_fine = true;
+    for Trial { check, name, state, is_fine: is_well } in [computables, files, planners].into_iter().flatten() {
+        report.add(Row { is_fine: Some(is_well), ..Row::fact(check, Some(&name), &state) }, context)?;
+        is_fine &= is_well;
+    }
     report.end(context)?;
     Ok(match (healthy, is_fine) {
         (false, _) => Exit::Store,
@@ -95,25 +98,17 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     })
 }
 
-/// Prints trials; returns whether all went well.
-fn print(kind: &str, trials: &[Trial], report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
-    for Trial { name, state, .. } in trials {
-        report.add(&format!("{kind}{name}: {state}"), context)?;
-    }
-    Ok(trials.iter().all(|trial| trial.is_fine))
-}
-
 /// Checks the stores; says whether nothing is damaged.
 fn deep(report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
     let memory = context.memory()?;
     let mut damages = Vec::new();
     let checked = memory.check(|damage| damages.push(damage.to_owned()));
     for damage in &damages {
-        report.add(&format!("damage     {damage}"), context)?;
+        report.add(Row { is_fine: Some(false), ..Row::fact("damage", None, damage) }, context)?;
     }
     for (address, checked) in checked? {
         let Some(checked) = checked else {
-            report.add(&format!("checked    {address}: not here; a server checks itself"), context)?;
+            report.add(Row::fact("checked", Some(&address), "not here; a server checks itself"), context)?;
             continue;
         };
         let Checked { collections, documents, unsealed, indexes } = checked;
@@ -127,9 +122,26 @@ fn deep(report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
             amount(documents, "document"),
             amount(indexes, "index")
         );
-        report.add(&format!("checked    {address}: {counts}"), context)?;
+        report.add(Row::fact("checked", Some(&address), &counts), context)?;
     }
     Ok(damages.is_empty())
+}
+
+/// Something that was looked at; a line like `planner    ff: ok`.
+struct Row<'a> {
+    check: &'a str,
+    /// Which one, where there are several.
+    name: Option<&'a str>,
+    state: &'a str,
+    /// Whether it is well, where that is a question.
+    is_fine: Option<bool>,
+}
+
+impl<'a> Row<'a> {
+    /// A row that is neither well nor wrong.
+    fn fact(check: &'a str, name: Option<&'a str>, state: &'a str) -> Self {
+        Self { check, name, state, is_fine: None }
+    }
 }
 
 /// What was found: lines as they come, or documents that are printed as one array.
@@ -143,18 +155,14 @@ impl Report {
         Self { is_json, found: Vec::new() }
     }
 
-    /// Adds a line like `planner    ff: ok`: what was looked at, its name, and its state.
-    fn add(&mut self, line: &str, context: &mut Context<'_>) -> Result<()> {
-        if !self.is_json {
-            return Ok(context.output.line(line)?);
+    fn add(&mut self, row: Row<'_>, context: &mut Context<'_>) -> Result<()> {
+        let Row { check, name, state, is_fine } = row;
+        if self.is_json {
+            self.found.push(doc! { "check": check, "name": name, "ok": is_fine, "state": state }.into());
+            return Ok(());
         }
-        let (check, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        let rest = rest.trim_start();
-        let (name, state) = rest.split_once(": ").map_or((None, rest), |(name, state)| (Some(name), state));
-        let is_trial = !["settings", "served", "checked"].contains(&check);
-        let is_fine = is_trial.then(|| state == "ok" || state.starts_with("ok, "));
-        self.found.push(doc! { "check": check, "name": name, "ok": is_fine, "state": state }.into());
-        Ok(())
+        let name = name.map(|name| format!("{name}: ")).unwrap_or_default();
+        Ok(context.output.line(&format!("{check:<10} {name}{state}"))?)
     }
 
     fn end(self, context: &mut Context<'_>) -> Result<()> {

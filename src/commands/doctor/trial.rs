@@ -30,6 +30,8 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What a trial gave.
 pub(super) struct Trial {
+    /// The kind of what was tried: `planner`.
+    pub(super) check: &'static str,
     /// What was tried.
     pub(super) name: String,
     /// How it went.
@@ -39,12 +41,12 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    fn of(name: &str, result: Result<String, String>) -> Self {
+    fn of(check: &'static str, name: &str, result: Result<String, String>) -> Self {
         let (state, is_fine) = match result {
             Ok(state) => (format!("ok, {state}"), true),
             Err(state) => (state, false),
         };
-        Self { name: name.to_owned(), state, is_fine }
+        Self { check, name: name.to_owned(), state, is_fine }
     }
 }
 
@@ -79,14 +81,14 @@ fn planner(name: &str, registry: &Registry, task: &Task<'_>, host: &Host<'_>, co
                 Some(path) if name != "builtin" => format!(", {}", path.display()),
                 _ => String::new(),
             };
-            Trial::of(name, Ok(format!("solves a tiny task in {:.3} s{place}", run.time.as_secs_f64())))
+            Trial::of("planner", name, Ok(format!("solves a tiny task in {:.3} s{place}", run.time.as_secs_f64())))
         }
         // Planners that are not configured are only offered.
         Outcome::NotFound if !is_configured => {
             let state = format!("the program `{program}` is not installed");
-            Trial { name: name.to_owned(), state, is_fine: true }
+            Trial { check: "planner", name: name.to_owned(), state, is_fine: true }
         }
-        outcome => Trial::of(name, Err(failure(outcome, &run.message, &run.tail()))),
+        outcome => Trial::of("planner", name, Err(failure(outcome, &run.message, &run.tail()))),
     })
 }
 
@@ -101,14 +103,16 @@ fn failure(outcome: &Outcome, message: &str, tail: &str) -> String {
 
 /// Tries each computable, without storing what it computes: pipelines and programs run.
 pub(super) fn computables(asked: &[Document], memory: Option<&Memory>, context: &Context<'_>) -> Vec<Trial> {
-    let tried = |definition: &Definition| Trial::of(&definition.name, computable(definition, asked, memory, context));
+    let tried = |definition: &Definition| {
+        Trial::of("computable", &definition.name, computable(definition, asked, memory, context))
+    };
     match memory.map(Memory::computables).transpose() {
         Ok(None) => context.settings.computables.iter().map(tried).collect(),
         Ok(Some((all, wrong))) => {
-            let wrong = wrong.into_iter().map(|wrong| Trial::of("kept in the memory", Err(wrong)));
+            let wrong = wrong.into_iter().map(|wrong| Trial::of("computable", "kept in the memory", Err(wrong)));
             all.iter().map(|computable| tried(&computable.definition)).chain(wrong).collect()
         }
-        Err(error) => vec![Trial::of("kept in the memory", Err(error.to_string()))],
+        Err(error) => vec![Trial::of("computable", "kept in the memory", Err(error.to_string()))],
     }
 }
 
@@ -220,12 +224,13 @@ pub(super) fn files(
             let tree = domain.tree();
             amount((tree.actions.len() + tree.durative_actions.len()) as u64, "action")
         });
-        trials.push(Trial::of(&format!("domain {}", path.display()), read.map_err(|error| format!("{error:#}"))));
+        trials.push(Trial::of("domain", &path.display().to_string(), read.map_err(|error| format!("{error:#}"))));
     }
     for path in templates {
         let missing = || UsageError::new("a template is rendered from the memory, which is not there").into();
         let rendered = memory.ok_or_else(missing).and_then(|memory| render(path, options, memory, context));
-        trials.push(Trial::of(&format!("template {}", path.display()), rendered.map_err(|error| format!("{error:#}"))));
+        let rendered = rendered.map_err(|error| format!("{error:#}"));
+        trials.push(Trial::of("template", &path.display().to_string(), rendered));
     }
     Ok(trials)
 }
