@@ -44,7 +44,7 @@ impl Past {
     /// The copy, with a collection in it.
     fn with(&self, ns: &Namespace) -> Result<&Embedded, StoreError> {
         // What rmem keeps for itself, such as what was computed, is of this process alone; computables are those of now.
-        if (!ns.is_own() || ns.collection == computables::KEPT) && self.filled.borrow_mut().insert(ns.clone()) {
+        if (!ns.is_own() || ns.collection == computables::KEPT) && !self.filled.borrow().contains(ns) {
             let source = self.source.reading(ns)?;
             let documents = match ns.is_own() {
                 true => source.find(ns, &Find::default())?.collect::<Result<_, _>>()?,
@@ -56,6 +56,8 @@ impl Past {
             }
             let documents: Result<Vec<Document>, _> = documents.iter().map(|raw| Document::try_from(&**raw)).collect();
             self.copy.insert(ns, documents.map_err(QueryError::from)?)?;
+            // Only now: after an error, the collection is copied again.
+            self.filled.borrow_mut().insert(ns.clone());
         }
         Ok(&self.copy)
     }
@@ -173,5 +175,21 @@ impl Store for Past {
 
     fn describe(&self) -> String {
         format!("{} as of {}", self.source.describe(), day_and_time(self.at.timestamp_millis()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_collection_that_could_not_be_copied_is_not_empty_afterwards() {
+        let ns = Namespace::parse("a.b").unwrap();
+        let store = Embedded::in_memory().unwrap();
+        store.insert(&ns, vec![Document::new()]).unwrap();
+        let past = Memory::new(Box::new(store), None, Vec::new()).as_of(DateTime::from_millis(0)).unwrap();
+        for _ in 0..2 {
+            assert!(past.count(&ns, &Document::new()).is_err());
+        }
     }
 }
