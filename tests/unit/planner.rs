@@ -165,6 +165,12 @@ fn metric_ff_is_asked_again_with_its_option() {
 }
 
 #[test]
+fn a_run_whose_directory_cannot_be_removed_has_its_result() {
+    let run = Place::new().ff("directory=$PWD; cd /; rm -r \"$directory\"; exit 7", &within(10.0));
+    assert_eq!(run.code, Some(7), "{run:?}");
+}
+
+#[test]
 fn outcomes_of_ff_come_from_its_text() {
     for (body, code) in [
         ("echo 'best first search space empty! problem proven unsolvable.'", 11),
