@@ -42,6 +42,7 @@ pub(super) fn install(
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
+            progress.begin();
             is_told = false;
         }
         if !is_told && since.elapsed() >= LONG {
@@ -60,16 +61,27 @@ pub(super) fn install(
 /// so that the log does not grow.
 struct Progress {
     log: Option<PathBuf>,
-    /// The length of the log, and when it was written.
-    state: Option<(u64, Option<SystemTime>)>,
+    state: Option<LogState>,
 }
 
+/// The length of a log, and when it was written.
+type LogState = (u64, Option<SystemTime>);
+
 impl Progress {
-    /// Whether the log has changed since the last call.
+    /// Notes the log as it is when a wait begins.
+    fn begin(&mut self) {
+        self.state = self.current();
+    }
+
+    /// Whether the log has changed since the wait began, or the last call.
     fn is_made(&mut self) -> bool {
-        let log = self.log.as_ref().and_then(|log| std::fs::metadata(log).ok());
-        let state = log.map(|log| (log.len(), log.modified().ok()));
+        let state = self.current();
         std::mem::replace(&mut self.state, state) != state
+    }
+
+    fn current(&self) -> Option<LogState> {
+        let log = std::fs::metadata(self.log.as_ref()?).ok()?;
+        Some((log.len(), log.modified().ok()))
     }
 }
 
@@ -127,12 +139,16 @@ mod tests {
     fn a_log_that_is_written_over_is_progress() {
         let log = tempfile::NamedTempFile::new().unwrap();
         let mut progress = Progress { log: Some(log.path().to_owned()), state: None };
-        assert!(progress.is_made());
+        progress.begin();
         assert!(!progress.is_made());
         log.as_file().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert!(progress.is_made());
         log.as_file().set_len(10).unwrap();
         assert!(progress.is_made());
+        // What was written between two waits is not progress of the second.
+        log.as_file().set_len(20).unwrap();
+        progress.begin();
+        assert!(!progress.is_made());
     }
 
     #[test]
