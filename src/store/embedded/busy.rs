@@ -22,11 +22,13 @@ const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
 /// What is called once a write has waited for long.
-static TELL: OnceLock<fn()> = OnceLock::new();
+static TELL: OnceLock<fn(&str)> = OnceLock::new();
+/// What it is called with.
+const WAITING: &str = "another process writes to the memory; waiting until it is done";
 
-/// Calls `tell` for each write of this process that has waited two seconds for another process, once. The first call of
+/// Calls `tell` with a message for each write of this process that has waited two seconds for another process, once. The first call of
 /// this function counts.
-pub fn tell_waits(tell: fn()) {
+pub fn tell_waits(tell: fn(&str)) {
     let _ = TELL.set(tell);
 }
 
@@ -47,7 +49,7 @@ pub(super) fn install(
         }
         if !is_told && since.elapsed() >= LONG {
             is_told = true;
-            TELL.get().into_iter().for_each(|tell| tell());
+            TELL.get().into_iter().for_each(|tell| tell(WAITING));
         }
         let has_time = !is_brief.load(Ordering::Relaxed) || since.elapsed() < BRIEF_TIMEOUT;
         if since.elapsed() >= LOCK_TIMEOUT && progress.is_made() {
