@@ -110,16 +110,22 @@ pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let first = measure_once(setup, host);
     let more = (1..setup.repeats).take_while(|_| !host.is_interrupted()).map(|_| measure_once(setup, host));
     let runs: Vec<Measurement> = std::iter::once(first.clone()).chain(more).collect();
-    let failed: Vec<String> = runs.iter().filter(|run| !run.is_solved()).map(|run| run.outcome.clone()).collect();
-    let count = runs.len();
+    let failures = failures(&runs);
     let mut taken = median(runs).unwrap_or(first);
-    if count > 1 && !failed.is_empty() {
-        let mut outcomes = failed.clone();
-        outcomes.dedup();
-        let failures = format!("{} of {count} runs failed ({})", failed.len(), outcomes.join(", "));
+    if let Some(failures) = failures {
         taken.message = if taken.message.is_empty() { failures } else { format!("{failures}: {}", taken.message) };
     }
     taken
+}
+
+/// How many of several runs failed, and with which outcomes.
+fn failures(runs: &[Measurement]) -> Option<String> {
+    let failed = runs.iter().filter(|run| !run.is_solved());
+    let mut outcomes: Vec<&str> = failed.map(|run| run.outcome.as_str()).collect();
+    let (count, of) = (outcomes.len(), runs.len());
+    outcomes.sort_unstable();
+    outcomes.dedup();
+    (of > 1 && count > 0).then(|| format!("{count} of {of} runs failed ({})", outcomes.join(", ")))
 }
 
 /// The run of median time.
@@ -306,6 +312,9 @@ mod tests {
         assert_eq!(taken(vec![crashed(0.1), solved(3.0), solved(1.0)]), of(SUCCESS, 3.0));
         assert_eq!(taken(vec![crashed(0.1), solved(3.0), crashed(0.2)]), of("crashed", 0.1));
         assert_eq!(taken(Vec::new()), None);
+        let all = [crashed(1.0), solved(1.0), run("no-plan", 1.0), crashed(1.0)];
+        assert_eq!(failures(&all).as_deref(), Some("3 of 4 runs failed (crashed, no-plan)"));
+        assert_eq!((failures(&all[..1]), failures(&all[1..2])), (None, None));
     }
 
     #[test]
