@@ -5,7 +5,7 @@ use std::time::Duration;
 use bson::{Bson, DateTime, Document, doc};
 
 use crate::pddl::Plan;
-use crate::plan::{hash, reported};
+use crate::plan::{hash, reported, whole};
 use crate::planner::{Host, Limits, Outcome, Planner, Run, Task, run};
 
 /// A run to be measured: what makes it the same as another.
@@ -270,12 +270,12 @@ impl Measurement {
             outcome: text("outcome")?,
             seconds: number("seconds")?,
             cpu: number("cpu"),
-            memory: document.get_i64("memory").ok(),
+            memory: whole(document, "memory"),
             cost: number("cost"),
             maximize: document.get_bool("maximize").ok()?,
             makespan: number("makespan"),
             is_simulated: document.get_bool("simulated").ok()?,
-            steps: document.get_i64("steps").ok(),
+            steps: whole(document, "steps"),
             timeout: number("timeout")?,
             code: document.get_i32("exit_code").ok(),
             message: text("message").unwrap_or_default(),
@@ -338,7 +338,11 @@ mod tests {
             provenance: doc! { "anytime": false },
         };
         let document = measured.to_document(DateTime::from_millis(0));
-        assert_eq!(Measurement::from_document(&document), Some(measured));
+        assert_eq!(Measurement::from_document(&document), Some(measured.clone()));
+        // As it is read from relaxed text.
+        let mut narrow = document;
+        narrow.insert("steps", 3_i32);
+        assert_eq!(Measurement::from_document(&narrow), Some(measured));
         assert_eq!(Measurement::from_document(&doc! { "_id": "k" }), None);
         assert_eq!(crate::planner::Outcome::Plan(crate::pddl::Plan { steps: Vec::new(), cost: None }).word(), SUCCESS);
     }
