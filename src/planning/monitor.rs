@@ -113,7 +113,7 @@ impl<'a> Monitor<'a> {
         is_over: &dyn Fn() -> bool,
         retried: &mut dyn FnMut(&StoreError),
     ) -> Result<bool, StoreError> {
-        while !self.changes_within(POLL_INTERVAL, retried)? {
+        while !self.changes_within(POLL_INTERVAL, &Drain::new(is_over), retried)? {
             if is_over() {
                 return Ok(false);
             }
@@ -122,8 +122,8 @@ impl<'a> Monitor<'a> {
             }
         }
         self.schedule_checks();
-        let start = Instant::now();
-        while start.elapsed() < MAX_DELAY && !is_over() && self.changes_within(QUIET_TIME, retried)? {}
+        let drain = Drain::new(is_over);
+        while !drain.is_over() && self.changes_within(QUIET_TIME, &drain, retried)? {}
         Ok(!is_over())
     }
 
@@ -147,36 +147,98 @@ impl<'a> Monitor<'a> {
     }
 
     /// Whether something changes within a time, which the watches share.
-    fn changes_within(&mut self, time: Duration, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
+    fn changes_within(
+        &mut self,
+        time: Duration,
+        drain: &Drain<'_>,
+        retried: &mut dyn FnMut(&StoreError),
+    ) -> Result<bool, StoreError> {
         let share = time / u32::try_from(self.sources.len() + 1).unwrap_or(u32::MAX);
         let mut any = false;
         for watch in self.sources.iter_mut().map(|(_, watch)| watch).chain([&mut self.plans]) {
-            any |= drain(watch, share, retried)?;
+            any |= drain.take(share, &mut |time| watch.next(time), retried)?;
+            watch.done()?;
         }
         Ok(any)
     }
 }
 
-/// Takes the changes that come within a time, and those that are there already. Returns whether there were any.
-fn drain(watch: &mut Watch<'_>, mut time: Duration, retried: &mut dyn FnMut(&StoreError)) -> Result<bool, StoreError> {
-    let mut any = false;
-    loop {
-        match watch.next(time)? {
-            Next::Change(_) => any = true,
-            Next::Nothing => break,
-            Next::Interrupted(error) => {
-                retried(&error);
-                std::thread::sleep(RETRY_DELAY);
+/// Takes changes, for [`MAX_DELAY`] at most.
+struct Drain<'a> {
+    start: Instant,
+    is_interrupted: &'a dyn Fn() -> bool,
+}
+
+impl<'a> Drain<'a> {
+    fn new(is_interrupted: &'a dyn Fn() -> bool) -> Self {
+        Self { start: Instant::now(), is_interrupted }
+    }
+
+    /// Whether no more changes are to be taken.
+    fn is_over(&self) -> bool {
+        self.start.elapsed() >= MAX_DELAY || (self.is_interrupted)()
+    }
+
+    /// Takes the changes that come within a time, and those that are there already. Returns whether there were any.
+    fn take(
+        &self,
+        mut time: Duration,
+        next: &mut dyn FnMut(Duration) -> Result<Next, StoreError>,
+        retried: &mut dyn FnMut(&StoreError),
+    ) -> Result<bool, StoreError> {
+        let mut any = false;
+        loop {
+            match next(time)? {
+                Next::Change(_) => any = true,
+                Next::Nothing => break,
+                Next::Interrupted(error) => {
+                    retried(&error);
+                    std::thread::sleep(RETRY_DELAY);
+                    break;
+                }
+            }
+            if self.is_over() {
                 break;
             }
+            time = Duration::ZERO;
         }
-        time = Duration::ZERO;
+        Ok(any)
     }
-    watch.done()?;
-    Ok(any)
 }
 
 /// Watches every change of a collection except those that computables make.
 fn watch<'a>(namespace: &Namespace, filter: Document, memory: &'a Memory) -> Result<Watch<'a>, StoreError> {
     memory.watch(Trigger { namespace: namespace.clone(), filter, name: None, computed: false, metadata: false })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use bson::DateTime;
+
+    use super::*;
+    use crate::store::{Change, ChangeKind};
+
+    /// A change, as often as one is asked for.
+    fn steady(_: Duration) -> Result<Next, StoreError> {
+        let (time, position) = (DateTime::from_millis(0), String::new());
+        let change = Change { kind: ChangeKind::Drop, id: None, before: None, after: None, time, position };
+        Ok(Next::Change(Box::new(change)))
+    }
+
+    #[test]
+    fn changes_without_end_are_taken_until_the_plan_has_to_be_checked() {
+        let drain = Drain::new(&|| false);
+        assert!(drain.take(POLL_INTERVAL, &mut steady, &mut |_| {}).unwrap());
+        assert!(drain.start.elapsed() >= MAX_DELAY);
+    }
+
+    #[test]
+    fn changes_without_end_are_taken_until_an_interruption() {
+        let looks = Cell::new(0);
+        let is_over = || looks.replace(looks.get() + 1) == 3;
+        assert!(Drain::new(&is_over).take(POLL_INTERVAL, &mut steady, &mut |_| {}).unwrap());
+        assert_eq!(looks.get(), 4);
+    }
 }
