@@ -106,8 +106,9 @@ impl Listener {
 
     /// The same, whose socket stays in the file system when the server ends.
     #[must_use]
-    pub fn kept(self) -> Self {
-        Self { is_kept: true, ..self }
+    pub fn kept(mut self) -> Self {
+        self.is_kept = true;
+        self
     }
 
     /// Where it listens, with the port that it was given.
@@ -134,10 +135,6 @@ impl Listener {
                 // Too many files are open, or a client has left before it was let in.
                 Err(_) => std::thread::sleep(Duration::from_millis(10)),
             }
-        }
-        if let (Address::Unix(path), false) = (&self.address, self.is_kept) {
-            // It may have been removed already.
-            let _ = fs::remove_file(path);
         }
     }
 
@@ -180,6 +177,15 @@ impl Listener {
         let shared = Arc::clone(server);
         let spawned = thread("connection").spawn(move || connection::serve(&shared, stream, client));
         spawned.map(drop).inspect_err(|_| server.leave(id))
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        if let (Address::Unix(path), false) = (&self.address, self.is_kept) {
+            // It may have been removed already.
+            let _ = fs::remove_file(path);
+        }
     }
 }
 
@@ -278,8 +284,9 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(Listener::bind(&address, None).is_err());
         drop(listener);
-        assert!(Listener::bind(&address, None).is_ok());
-        fs::remove_file(&path).unwrap();
+        assert!(!path.exists());
+        drop(UnixListener::bind(&path).unwrap());
+        assert!(path.exists() && Listener::bind(&address, None).is_ok());
         fs::write(&path, "precious").unwrap();
         assert!(Listener::bind(&address, None).is_err());
         assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
