@@ -43,7 +43,7 @@ const USES: [(&str, &str); 26] = [
     ("process", "formats"),
     ("query", "calendar fault"),
     ("scene", "formats memory query store"),
-    ("serve", "fault memory query store"),
+    ("serve", "fault memory process query store"),
     ("settings", "error formats input memory output pddl planner query scene store"),
     ("store", "calendar fault formats interrupt process query"),
     ("views", "fault formats memory query scene store"),
