@@ -16,6 +16,9 @@ const POLL_INTERVAL: Duration = Duration::from_millis(250);
 const QUIET_TIME: Duration = Duration::from_millis(150);
 /// After this time the plan is checked even if changes go on.
 const MAX_DELAY: Duration = Duration::from_secs(2);
+/// How often a plan is checked again after a change, where caches of computables may hold what was there before: once
+/// for what is computed from the change, and once for what is computed from that.
+const RECHECKS: u32 = 2;
 /// The pause before a store that failed is asked again.
 const RETRY_DELAY: Duration = Duration::from_millis(500);
 
@@ -71,8 +74,8 @@ pub struct Monitor<'a> {
     sources: Vec<(Namespace, Watch<'a>)>,
     /// How long caches of computables may hold what was there before a change.
     delay: Duration,
-    /// When to check again although nothing more has changed, the last first.
-    checks: Vec<Instant>,
+    /// How often to check again although nothing more has changed.
+    rechecks: u32,
 }
 
 impl<'a> Monitor<'a> {
@@ -83,7 +86,7 @@ impl<'a> Monitor<'a> {
     pub fn new(plans: &Namespace, memory: &'a Memory) -> Result<Self, StoreError> {
         // A failure has no steps.
         let plans = watch(plans, doc! { "plan": { "$nin": ["fail", 0] } }, memory)?;
-        Ok(Self { memory, plans, sources: Vec::new(), delay: Duration::ZERO, checks: Vec::new() })
+        Ok(Self { memory, plans, sources: Vec::new(), delay: Duration::ZERO, rechecks: 0 })
     }
 
     /// Watches collections from now on as well. Returns whether one of them was not watched before.
@@ -113,37 +116,26 @@ impl<'a> Monitor<'a> {
         is_over: &dyn Fn() -> bool,
         retried: &mut dyn FnMut(&StoreError),
     ) -> Result<bool, StoreError> {
+        let due = self.recheck_time();
         while !self.changes_within(POLL_INTERVAL, &Drain::new(is_over), retried)? {
             if is_over() {
                 return Ok(false);
             }
-            if self.is_due() {
+            if due.is_some_and(|due| Instant::now() >= due) {
+                self.rechecks -= 1;
                 return Ok(true);
             }
         }
-        self.schedule_checks();
+        self.rechecks = if self.delay.is_zero() { 0 } else { RECHECKS };
         let drain = Drain::new(is_over);
         while !drain.is_over() && self.changes_within(QUIET_TIME, &drain, retried)? {}
         Ok(!is_over())
     }
 
-    /// Plans to check again when the caches of computables have expired: once for what is computed from the
-    /// change, and once for what is computed from that.
-    fn schedule_checks(&mut self) {
-        if !self.delay.is_zero() {
-            let now = Instant::now();
-            let checks = [2, 1].iter().filter_map(|times| now.checked_add(self.delay * *times + QUIET_TIME));
-            self.checks = checks.collect();
-        }
-    }
-
-    /// Whether it is time for a check that was scheduled.
-    fn is_due(&mut self) -> bool {
-        let is_due = self.checks.last().is_some_and(|time| Instant::now() >= *time);
-        if is_due {
-            self.checks.pop();
-        }
-        is_due
+    /// When to check again: once the caches of computables that the last check may have filled have expired.
+    fn recheck_time(&self) -> Option<Instant> {
+        let now = Instant::now();
+        (self.rechecks > 0).then(|| now.checked_add(self.delay + QUIET_TIME)).flatten()
     }
 
     /// Whether something changes within a time, which the watches share.
@@ -218,7 +210,7 @@ mod tests {
     use bson::DateTime;
 
     use super::*;
-    use crate::store::{Change, ChangeKind};
+    use crate::store::{Change, ChangeKind, Embedded};
 
     /// A change, as often as one is asked for.
     fn steady(_: Duration) -> Result<Next, StoreError> {
@@ -232,6 +224,26 @@ mod tests {
         let drain = Drain::new(&|| false);
         assert!(drain.take(POLL_INTERVAL, &mut steady, &mut |_| {}).unwrap());
         assert!(drain.start.elapsed() >= MAX_DELAY);
+    }
+
+    #[test]
+    fn a_plan_is_checked_again_when_what_a_slow_check_cached_has_expired() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = Memory::new(Box::new(Embedded::open(folder.path().join("m.rmem")).unwrap()), None, Vec::new());
+        let [plans, world] = ["robmem.plans", "robmem.world"].map(|name| Namespace::parse(name).unwrap());
+        let mut monitor = Monitor::new(&plans, &memory).unwrap();
+        monitor.add(std::slice::from_ref(&world)).unwrap();
+        monitor.delay = Duration::from_millis(200);
+        memory.insert(&world, vec![doc! {}]).unwrap();
+        assert!(monitor.wait(&|| false, &mut |_| {}).unwrap());
+        for _ in 0..RECHECKS {
+            // The check takes longer than the caches hold what they have.
+            std::thread::sleep(monitor.delay * 3);
+            let end = Instant::now();
+            assert!(monitor.wait(&|| false, &mut |_| {}).unwrap());
+            assert!(end.elapsed() >= monitor.delay);
+        }
+        assert_eq!(monitor.recheck_time(), None);
     }
 
     #[test]
