@@ -16,13 +16,13 @@ static GUARDS: AtomicUsize = AtomicUsize::new(0);
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 thread_local! {
-    /// Whether long work of stores in this thread ends early where the user interrupts it.
-    static STOPS_WORK: Cell<bool> = const { Cell::new(false) };
+    /// How many guards there are under which long work of stores in this thread ends early where the user interrupts it.
+    static STOPPING: Cell<usize> = const { Cell::new(0) };
 }
 
 /// Whether long work in this thread is to end now, with what is done.
 pub(crate) fn stops_work() -> bool {
-    STOPS_WORK.get() && INTERRUPTED.load(Ordering::SeqCst)
+    STOPPING.get() > 0 && INTERRUPTED.load(Ordering::SeqCst)
 }
 
 /// Notes an interruption. Returns whether the process should end at once: it should not while a guard lives,
@@ -60,18 +60,23 @@ impl Drop for Unfinished {
 
 /// While it lives, an interruption only sets a flag; its holder looks at the flag, cleans up and ends.
 #[derive(Debug)]
-pub(crate) struct InterruptGuard(());
+pub(crate) struct InterruptGuard {
+    /// Whether stores look at the flag.
+    is_stopping: bool,
+}
 
 impl InterruptGuard {
     pub(crate) fn new() -> Self {
         GUARDS.fetch_add(1, Ordering::SeqCst);
-        Self(())
+        Self { is_stopping: false }
     }
 
     /// A guard under which stores look at the flag: in this thread, a change of many documents ends early.
     pub(crate) fn stopping() -> Self {
-        STOPS_WORK.set(true);
-        Self::new()
+        STOPPING.set(STOPPING.get() + 1);
+        let mut guard = Self::new();
+        guard.is_stopping = true;
+        guard
     }
 
     /// Ends the guard where the flag is not looked at any more. An interruption that came meanwhile is sent
@@ -92,7 +97,24 @@ impl InterruptGuard {
 
 impl Drop for InterruptGuard {
     fn drop(&mut self) {
-        STOPS_WORK.set(false);
+        if self.is_stopping {
+            STOPPING.set(STOPPING.get().saturating_sub(1));
+        }
         GUARDS.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stores_look_at_the_flag_as_long_as_a_guard_says_so() {
+        let (first, second) = (InterruptGuard::stopping(), InterruptGuard::stopping());
+        drop(InterruptGuard::new());
+        drop(second);
+        assert_eq!(STOPPING.get(), 1);
+        drop(first);
+        assert_eq!(STOPPING.get(), 0);
     }
 }

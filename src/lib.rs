@@ -158,6 +158,8 @@ pub struct Process<'a> {
     pub stdout: &'a mut dyn Write,
     /// Standard error: messages.
     pub stderr: &'a mut dyn Write,
+    /// Writes a message to standard error while something else is waited for, from any thread.
+    pub tell_at_once: fn(&str),
     /// Whether stdout is a terminal: tables instead of JSON lines.
     pub stdout_is_terminal: bool,
     /// Whether the reader of stdout has closed it.
@@ -200,11 +202,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         return report(&error, &mut output);
     }
     if output.shows_notes() {
-        store::embedded::tell_waits(|| {
-            let text = "another process writes to the memory; waiting until it is done\n";
-            // A closed stderr is no error.
-            let _ = std::io::Write::write_all(&mut std::io::stderr(), text.as_bytes());
-        });
+        store::embedded::tell_waits(process.tell_at_once);
     }
     output.on_terminal(process.stderr_is_terminal);
     output.closed_by(process.stdout_is_closed);

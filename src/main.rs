@@ -1,6 +1,6 @@
 //! The binary: hands the process to the library, and its answer to the shell.
 
-use std::io::IsTerminal as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -21,6 +21,7 @@ fn main() -> ExitCode {
             stdin: &mut std::io::stdin().lock(),
             stdout: &mut std::io::stdout(),
             stderr: &mut std::io::stderr(),
+            tell_at_once: tell,
             stdout_is_terminal: std::io::stdout().is_terminal(),
             stdout_is_closed: is_closed,
             stderr_is_terminal: std::io::stderr().is_terminal(),
@@ -34,6 +35,11 @@ fn main() -> ExitCode {
         },
     );
     ExitCode::from(exit.code())
+}
+
+fn tell(message: &str) {
+    // A closed stderr is no error.
+    let _ = writeln!(std::io::stderr(), "{message}");
 }
 
 /// Whether stdout is a pipe whose reader has closed it.

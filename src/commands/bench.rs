@@ -56,7 +56,7 @@ pub(super) fn run(args: &BenchArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.plot.is_some() {
         pictures::ready()?;
     }
-    let folder = tempfile::tempdir().context("a folder for the memory that is measured")?;
+    let folder = tempfile::tempdir_in(context.temporary()).context("a folder for the memory that is measured")?;
     let local = namespace("rmem_bench", "objects")?;
     let embedded = memory_at(&format!("file:{}", folder.path().join("bench.rmem").display()))?
         .with_computables(registry(&local, context)?);

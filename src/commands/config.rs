@@ -25,7 +25,6 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         Ok(uri.map(|uri| uri.to_string()))
     };
     let file = settings.file.as_ref().map_or_else(|| "none".to_owned(), |path| path.display().to_string());
-    let [keep_history, history_size] = histories(settings);
     let mut rows = vec![
         row(format!("# settings file: {file}"), "file", settings.file.as_ref().map(|_| file.clone()), None),
         setting("memory", address(&settings.memory)?, &settings.memory.origin),
@@ -38,8 +37,8 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
             &settings.template_path.origin,
         ),
         setting("format", settings.format.value.map(Format::name), &settings.format.origin),
-        keep_history,
-        history_size,
+        keep_history(settings),
+        history_size(settings),
         setting("log", settings.log.value.as_ref().map(|path| path.display().to_string()), &settings.log.origin),
     ];
     rows.extend(settings.most_documents.iter().map(|(namespace, most)| {
@@ -59,7 +58,16 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         let line = format!("computable {} on {value}", computable.name);
         row(line, &format!("computable.{}", computable.name), Some(value), None)
     }));
+    rows.extend(settings.object_kinds.iter().map(|kind| {
+        let value = format!("{}: {}", kind.namespace, shell::relaxed(&kind.query));
+        let line = format!("scene.object {} in {value}", kind.name);
+        row(line, &format!("scene.object.{}", kind.name), Some(value), None)
+    }));
+    let is_without_effect = settings.histories.value.is_empty() && settings.history_size.origin != Origin::Default;
     context.print_lines(rows)?;
+    if is_without_effect {
+        context.output.warn("history_size has no effect without keep_history");
+    }
     Ok(Exit::Done)
 }
 
@@ -81,13 +89,11 @@ fn setting<T: Into<Bson> + std::fmt::Debug>(key: &str, value: Option<T>, origin:
     row(line, key, value, Some(origin))
 }
 
-/// The lines for `keep_history` and `history_size` as they would be written in `rmem.toml`.
-fn histories(settings: &Settings) -> [(String, Bson); 2] {
+/// The line for `keep_history` as it would be written in `rmem.toml`.
+fn keep_history(settings: &Settings) -> (String, Bson) {
     let (rules, origin) = (&settings.histories.value, &settings.histories.origin);
     let (text, value) = match rules.as_slice() {
-        [] => {
-            return [setting("keep_history", None::<String>, origin), setting("history_size", None::<String>, origin)];
-        }
+        [] => return setting("keep_history", None::<String>, origin),
         [rule] if rule.scope == Scope::All => (format!("{:?}", age(rule)), age(rule).into()),
         rules => {
             let of = |rule: &HistoryRule| (scope(rule), age(rule));
@@ -97,11 +103,14 @@ fn histories(settings: &Settings) -> [(String, Bson); 2] {
             (format!("{{ {} }}", text.join(", ")), Bson::Document(value))
         }
     };
-    let size = rules.first().map(|rule| quantity::write_size(rule.size));
-    [
-        row(format!("keep_history = {text}  # {origin}"), "keep_history", Some(value), Some(origin)),
-        setting("history_size", size, origin),
-    ]
+    row(format!("keep_history = {text}  # {origin}"), "keep_history", Some(value), Some(origin))
+}
+
+/// The line for `history_size`; the default counts where a history is kept.
+fn history_size(settings: &Settings) -> (String, Bson) {
+    let Setting { value, origin } = &settings.history_size;
+    let is_set = !settings.histories.value.is_empty() || *origin != Origin::Default;
+    setting("history_size", is_set.then(|| quantity::write_size(*value)), origin)
 }
 
 fn scope(rule: &HistoryRule) -> String {

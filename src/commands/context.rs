@@ -167,7 +167,8 @@ impl<'a> Context<'a> {
     /// Returns the folder of temporary directories.
     #[must_use]
     pub fn temporary(&self) -> PathBuf {
-        self.environment.get("TMPDIR").map_or_else(|| "/tmp".into(), Into::into)
+        let set = self.environment.get("TMPDIR").filter(|folder| !folder.is_empty());
+        set.map_or_else(|| "/tmp".into(), Into::into)
     }
 
     /// Returns where a program is, a path or a name in the folders of PATH.

@@ -1,6 +1,6 @@
 //! `rmem dump [NS…|--all] -o PATH`: namespaces as a world file, a folder, or an archive.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -11,7 +11,7 @@ use crate::exit::Exit;
 use crate::memory::Memory;
 use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
-use crate::output::amount;
+use crate::output::{amount, is_stdout};
 use crate::store::{Index, Namespace, index};
 
 /// What stands below the help of `dump`.
@@ -54,12 +54,12 @@ pub struct DumpArgs {
 }
 
 pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let is_world = args.output == Path::new("-") || args.output.extension().is_some_and(|end| end == "json");
+    let is_world = is_stdout(&args.output) || args.output.extension().is_some_and(|end| end == "json");
     let is_world = is_world && !args.archive;
     if is_world && args.gzip {
         return Err(UsageError::new("--gzip packs the files of a folder, or an archive; expected -o PATH").into());
     }
-    if args.archive && args.output == Path::new("-") {
+    if args.archive && is_stdout(&args.output) {
         return Err(UsageError::new("an archive is a file; expected -o FILE").into());
     }
     let progress = context.output.progress(&format!("writing {}", args.output.display()));

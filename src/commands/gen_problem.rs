@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostics, pddl::Dialect, shell};
 use crate::memory::Memory;
-use crate::output::Format;
+use crate::output::{Format, is_stdout};
 use crate::pddl::Domain;
 use crate::problem::{self, Request, SectionReport, Streamed};
 use crate::settings::Origin;
@@ -65,7 +65,7 @@ pub(super) fn run(args: &GenProblemArgs, context: &mut Context<'_>) -> Result<Ex
     let request = request(template, &args.options, rendered.as_ref().map(|(_, request)| request), context)?;
     let parts = request.parts.iter().map(|part| PathBuf::from(part.source.name()));
     keep(&args.output, std::iter::once(args.template.clone()).chain(args.domain.clone()).chain(parts))?;
-    let is_file = args.output != Path::new("-");
+    let is_file = !is_stdout(&args.output);
     // Where only the text is asked for, it is written as it is made.
     if args.explain.is_none()
         && (is_file || !is_json)

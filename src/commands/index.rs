@@ -66,13 +66,13 @@ pub struct IndexArgs {
     #[command(flatten)]
     pub collation: CollationArgs,
     /// Answer no queries with the index with these keys or this name
-    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language"])]
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "collation"])]
     pub hide: bool,
     /// Answer queries with that index again
-    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "hide"])]
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "collation", "hide"])]
     pub unhide: bool,
     /// Remove the index with these keys or this name
-    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "hide", "unhide"])]
+    #[arg(long, conflicts_with_all = ["unique", "sparse", "ttl", "partial", "hidden", "weights", "language", "collation", "hide", "unhide"])]
     pub drop: bool,
 }
 
@@ -109,7 +109,8 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
 /// Whether the arguments say how an index is to be.
 fn describes(args: &IndexArgs) -> bool {
     let options = [&args.name, &args.partial, &args.weights, &args.language];
-    args.unique || args.sparse || args.ttl.is_some() || args.hidden || options.iter().any(|option| option.is_some())
+    let is_described = args.unique || args.sparse || args.hidden || args.collation.is_given();
+    is_described || args.ttl.is_some() || options.iter().any(|option| option.is_some())
 }
 
 /// The texts that an error may be about.

@@ -33,6 +33,10 @@ pub struct CollationArgs {
 }
 
 impl CollationArgs {
+    pub(super) fn is_given(&self) -> bool {
+        self.collation.is_some()
+    }
+
     pub(super) fn read(&self) -> Result<Option<Collation>> {
         let Some(text) = &self.collation else { return Ok(None) };
         let spec = shell::parse_document(&Source::new("<collation>", text.as_str()))?;

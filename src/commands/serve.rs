@@ -75,10 +75,10 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     allow_files();
     let (tls, options) = (tls(args)?, options(args)?);
-    let listeners = listeners(args, tls.as_ref(), options.users.is_some(), context)?;
     let scratch = file_for_memory(context)?;
     let files = files(&context.settings)?;
     let mut locks = if args.read_only { Vec::new() } else { take_locks(&files)? };
+    let listeners = listeners(args, tls.as_ref(), options.users.is_some(), context)?;
     fill(args, context)?;
     let guard = InterruptGuard::new();
     let running = Running::start(opener(context.opening()), options).context("cannot start")?;

@@ -13,7 +13,7 @@ use crate::formats::shell;
 use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
-use crate::output::amount;
+use crate::output::{Format, amount};
 use crate::store::{Entry, StoreError, metadata};
 
 /// What stands below the help of `undo`.
@@ -47,7 +47,7 @@ pub struct UndoArgs {
     /// Overwrite later changes
     #[arg(long)]
     pub force: bool,
-    /// Print what would be done, and do nothing
+    /// Print what each document would become, and do nothing
     #[arg(long)]
     pub dry_run: bool,
     /// Show the metadata of documents, under `_robmem_info`
@@ -70,9 +70,7 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let last = last(args);
     let plan = memory.plan_undo(&selection, last).map_err(|error| blame(error, &query))?;
-    if args.dry_run {
-        plan.documents.iter().for_each(|document| context.output.note(&described(document, args.meta)));
-    } else {
+    if !args.dry_run {
         if let Some(what) = conflicts(&plan).filter(|_| !args.force) {
             return Err(StoreError::Held { what }.into());
         }
@@ -86,7 +84,8 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
             ));
         }
     }
-    context.print_result(result(&plan))?;
+    let would = args.dry_run.then(|| plan.documents.iter().map(|document| described(document, args.meta)).collect());
+    print(would, result(&plan), context)?;
     if plan.changes > 0 && plan.documents.is_empty() {
         let what = if plan.changes == 1 { "this change" } else { "these changes" };
         let message = format!("the documents of {ns} are already what they were before {what}; nothing was done");
@@ -154,17 +153,22 @@ fn later(entry: &Entry) -> String {
     format!("{}{by} at {time} UTC (position {})", entry.change.kind.name(), entry.change.position)
 }
 
-fn described(document: &Restoration, meta: bool) -> String {
-    let id = shell::relaxed_value(&document.id);
-    let conflict = if document.is_conflict() { " (overwrites later changes)" } else { "" };
-    match &document.target {
-        Some(target) => {
-            let mut target = target.clone();
-            if !meta {
-                target.remove(metadata::INFO);
-            }
-            format!("{id} would become {}{conflict}", shell::relaxed(&target))
+/// Prints what would be done: a line for each document before the result, or all in one document.
+fn print(would: Option<Vec<Document>>, mut result: Document, context: &mut Context<'_>) -> Result<()> {
+    match (would, context.format(&formats::RESULT)?) {
+        (Some(documents), Format::Json) => drop(result.insert("documents", documents)),
+        (documents, _) => {
+            documents.into_iter().flatten().try_for_each(|one| context.output.line(&shell::relaxed(&one)))?;
         }
-        None => format!("{id} would be removed{conflict}"),
     }
+    context.print_result(result)
+}
+
+/// What a document would become; null where it would be removed.
+fn described(document: &Restoration, meta: bool) -> Document {
+    let mut target = document.target.clone();
+    if let (Some(target), false) = (&mut target, meta) {
+        target.remove(metadata::INFO);
+    }
+    doc! { "_id": document.id.clone(), "becomes": target, "overwrites_later_changes": document.is_conflict() }
 }

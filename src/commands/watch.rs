@@ -357,7 +357,7 @@ impl Session<'_> {
 }
 
 /// Says once that the store is lost, and waits a moment.
-fn retreat(error: &StoreError, lost: &mut bool, context: &mut Context<'_>) {
+pub(super) fn retreat(error: &StoreError, lost: &mut bool, context: &mut Context<'_>) {
     if !std::mem::replace(lost, true) {
         context.output.warn(&format!("{error}; trying again"));
     }

@@ -35,8 +35,9 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    pub(super) fn new(observer: Observer) -> Self {
-        Self { observer: Some(observer), meter: None }
+    /// The same, with this observer.
+    pub(super) fn observed_by(self, observer: Observer) -> Self {
+        Self { observer: Some(observer), ..self }
     }
 
     /// The same, where documents that are stored, or read to be written elsewhere, are counted.
@@ -132,5 +133,19 @@ impl<T> Iterator for Watched<'_, T> {
 impl<T> Drop for Watched<'_, T> {
     fn drop(&mut self) {
         (self.observer)(&self.operation);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn documents_are_counted_whether_the_observer_comes_before_the_meter_or_after_it() {
+        let meter = Arc::new(AtomicU64::new(0));
+        let observer: Observer = Rc::new(|_| {});
+        Journal::default().counting(Arc::clone(&meter)).observed_by(Rc::clone(&observer)).count(2);
+        Journal::default().observed_by(observer).counting(Arc::clone(&meter)).count(3);
+        assert_eq!(meter.load(Ordering::Relaxed), 5);
     }
 }

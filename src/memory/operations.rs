@@ -51,7 +51,7 @@ impl Memory {
     /// The same memory, which calls `observer` with each operation as it ends.
     #[must_use]
     pub fn with_observer(self, observer: Observer) -> Self {
-        Self { journal: Journal::new(observer), ..self }
+        Self { journal: self.journal.clone().observed_by(observer), ..self }
     }
 
     /// The same memory, which counts the documents that it stores, or reads to be written elsewhere.

@@ -47,12 +47,14 @@ impl Past {
     /// The copy, with a collection in it.
     fn with(&self, ns: &Namespace) -> Result<&Embedded, StoreError> {
         // What rmem keeps for itself, such as what was computed, is of this process alone; computables are those of now.
-        if (!ns.is_own() || ns.collection == computables::KEPT) && self.filled.borrow_mut().insert(ns.clone()) {
+        if (!ns.is_own() || ns.collection == computables::KEPT) && !self.filled.borrow().contains(ns) {
             let source = self.source.reading(ns)?;
             let documents = match ns.is_own() {
                 true => source.find(ns, &Find::default())?.collect::<Result<_, _>>()?,
                 false => source.as_of(ns, self.at)?,
             };
+            // A part of it may be there after an error.
+            Store::drop(&self.copy, ns)?;
             // The collation is that of now: it cannot change while there are documents.
             if let Some(collation) = index::collation(&source.indexes(ns)?) {
                 Store::create(&self.copy, ns, Some(&collation))?;
@@ -61,6 +63,8 @@ impl Past {
                 let batch: Result<Vec<Document>, _> = batch.iter().map(|raw| Document::try_from(&**raw)).collect();
                 self.copy.insert(ns, batch.map_err(QueryError::from)?)?;
             }
+            // Only now: after an error, the collection is copied again.
+            self.filled.borrow_mut().insert(ns.clone());
         }
         Ok(&self.copy)
     }
@@ -178,5 +182,21 @@ impl Store for Past {
 
     fn describe(&self) -> String {
         format!("{} as of {}", self.source.describe(), day_and_time(self.at.timestamp_millis()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_collection_that_could_not_be_copied_is_not_empty_afterwards() {
+        let ns = Namespace::parse("a.b").unwrap();
+        let store = Embedded::in_memory().unwrap();
+        store.insert(&ns, vec![Document::new()]).unwrap();
+        let past = Memory::new(Box::new(store), None, Vec::new()).as_of(DateTime::from_millis(0)).unwrap();
+        for _ in 0..2 {
+            assert!(past.count(&ns, &Document::new()).is_err());
+        }
     }
 }

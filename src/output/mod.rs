@@ -243,7 +243,7 @@ impl<'a> Output<'a> {
         let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(&plain::words(text))));
     }
 
-    /// Writes a product to a file, whole or not at all, or to stdout for `-`.
+    /// Writes a product to a file, whole or not at all, or to a standard stream where that is named.
     ///
     /// # Errors
     /// Where the file cannot be written; the old one is then as it was.
@@ -256,8 +256,10 @@ impl<'a> Output<'a> {
     /// # Errors
     /// What `write` fails with, and where the file cannot be written; the old one is then as it was.
     pub fn write_with(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-        if path == Path::new("-") || path == Path::new("/dev/stdout") {
-            return write(&mut self.stdout);
+        match Standard::named(path) {
+            Some(Standard::Out) => return write(&mut self.stdout),
+            Some(Standard::Error) => return write(&mut self.stderr),
+            None => {}
         }
         // A message names the target, and not the temporary file beside it.
         write_atomically(path, write).map_err(|error| match error.downcast::<io::Error>() {
@@ -269,7 +271,7 @@ impl<'a> Output<'a> {
     /// Begins a product that is written before it is known whether it is right; nothing where that is not for a plain file.
     #[must_use]
     pub fn begin_file(&self, path: &Path) -> Option<Pending> {
-        if path == Path::new("-") { None } else { Pending::begin(path) }
+        if Standard::named(path).is_some() { None } else { Pending::begin(path) }
     }
 
     /// Puts such a product in its place.
@@ -279,6 +281,30 @@ impl<'a> Output<'a> {
     pub fn finish_file(&mut self, path: &Path, pending: Pending) -> Result<()> {
         pending.finish().map_err(|error| unwritten(path, &error))
     }
+}
+
+/// A standard stream of this process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Standard {
+    Out,
+    Error,
+}
+
+impl Standard {
+    /// The stream that a path names. What it leads to may be a file with earlier content, and is not replaced.
+    fn named(path: &Path) -> Option<Self> {
+        match path.to_str()? {
+            "-" | "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1" => Some(Self::Out),
+            "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2" => Some(Self::Error),
+            _ => None,
+        }
+    }
+}
+
+/// Whether a product that is written to a path goes to stdout.
+#[must_use]
+pub fn is_stdout(path: &Path) -> bool {
+    Standard::named(path) == Some(Standard::Out)
 }
 
 /// The error of a file that cannot be written.

@@ -213,6 +213,12 @@ fn number(value: &Bson) -> Option<f64> {
     }
 }
 
+/// Returns a whole number of a document, of any type: relaxed text, such as that of `rmem query`, does not keep the type.
+#[must_use]
+pub fn whole(document: &Document, key: &str) -> Option<i64> {
+    document.get(key).filter(|value| !matches!(value, Bson::Boolean(_))).and_then(integer)
+}
+
 fn integer(value: &Bson) -> Option<i64> {
     match value {
         Bson::Boolean(yes) => Some(i64::from(*yes)),

@@ -12,7 +12,7 @@ mod report;
 mod repository;
 mod source;
 
-pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document};
+pub use document::{Layout, PlanDocumentError, Stored, failure, from_document, to_document, whole};
 pub use lineage::{Answered, IMPORTED, Lineage, Racer, hash};
 pub use print::{FactLayout, Format, PrintError, PrintedPlan};
 pub use progress::{Progress, Status};

@@ -29,8 +29,8 @@ pub(super) fn located(complaint: &Complaint, sent: &Sent, task: &Task<'_>) -> Op
 fn section(text: &str, complaint: &Complaint) -> Option<(String, usize)> {
     let line = complaint.line?;
     let end = text.split_inclusive('\n').take(line).map(str::len).sum();
-    let before = text.get(..end)?.to_lowercase();
-    let named = complaint.token.as_ref().map(|token| token.to_lowercase());
+    let before = text.get(..end)?.to_ascii_lowercase();
+    let named = complaint.token.as_ref().map(|token| token.to_ascii_lowercase());
     let named = named.filter(|token| token.starts_with(':') && before.contains(&format!("({token}")));
     let start = match &named {
         Some(token) => before.rfind(&format!("({token}"))?,
@@ -48,7 +48,7 @@ fn find(source: &Source, keyword: &str, nth: usize, task: &Task<'_>) -> Option<u
         let name = &task.domain.tree().actions.get(nth)?.name;
         return Some(source.position(name.span().start).0);
     }
-    let text = source.text().to_lowercase();
+    let text = source.text().to_ascii_lowercase();
     let is_head = |at: &usize| {
         let line = text.get(..*at).unwrap_or_default().rsplit('\n').next().unwrap_or_default();
         let follows = text.get(at + keyword.len()..).unwrap_or_default();
@@ -58,4 +58,21 @@ fn find(source: &Source, keyword: &str, nth: usize, task: &Task<'_>) -> Option<u
     };
     let found = text.match_indices(keyword).map(|(at, _)| at).filter(is_head).nth(nth)?;
     Some(source.position(found).0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::pddl::Dialect;
+    use crate::pddl::{Domain, Problem};
+
+    #[test]
+    fn a_section_is_found_behind_letters_that_are_longer_in_lower_case() {
+        let text = format!("; {}\n(define (domain d)\n  (:PREDICATES (p))\n  (:action a :effect (p)))", "İ".repeat(60));
+        let source = Source::new("d.pddl", text);
+        let domain = Domain::read(&source, Dialect::default()).unwrap();
+        let problem = Source::new("p.pddl", "(define (problem q) (:domain d) (:init) (:goal (p)))");
+        let problem = Problem::read(&problem, &domain, Dialect::default()).unwrap();
+        assert_eq!(find(&source, ":predicates", 0, &Task { domain: &domain, problem: &problem }), Some(3));
+    }
 }

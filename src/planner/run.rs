@@ -270,6 +270,7 @@ impl<'a> PreparedPlanner<'a> {
             let program = kept(prepare(planner, command, &rest, host));
             let (mut ended, answer) = ask(planner, program, sent, host, share, keeps);
             ended.wall += before.wall;
+            ended.resident = ended.resident.max(before.resident);
             ended.cpu = ended.cpu.zip(before.cpu).map(|(one, other)| one + other);
             (ended, answer)
         };

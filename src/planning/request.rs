@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::formats::Diagnostics;
 use crate::pddl::Domain;
-use crate::plan::{Layout, Record, TaskSource};
+use crate::plan::{Layout, Record, TaskSource, whole};
 use crate::planner::{Limits, Planner};
 use crate::problem::Generated;
 use crate::store::Namespace;
@@ -79,7 +79,7 @@ impl SearchOptions {
         let lineage = record.lineage();
         let timeout = lineage.and_then(|lineage| lineage.get_f64("timeout").ok());
         let timeout = timeout.and_then(|millis| Duration::try_from_secs_f64(millis / 1000.0).ok());
-        let limit = lineage.and_then(|lineage| lineage.get_i64("memory_limit").ok());
+        let limit = lineage.and_then(|lineage| whole(lineage, "memory_limit"));
         let is_fawkes = record.document.contains_key("actions") || record.document.get_i32("plan").is_ok();
         Self {
             anytime: lineage.is_some_and(|lineage| lineage.get_bool("anytime").unwrap_or_default()),

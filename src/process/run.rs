@@ -193,7 +193,7 @@ impl Prepared {
         let rest = if is_kept { Some(COLLECT_TIMEOUT) } else { rest };
         let reading = Reading { host, is_kept, deadline: rest.map(|rest| Instant::now() + rest) };
         let most = if end == End::TooMuchOutput { SAMPLE } else { limits.output };
-        let mut ended = supervisor.collect(most, &reading, self.wanted)?;
+        let mut ended = supervisor.collect(most, &reading, self.wanted);
         ended.wall = started.elapsed();
         ended.cpu = usage.as_ref().map(|usage| usage.cpu);
         ended.resident = usage.as_ref().map(|usage| usage.resident << 10).filter(|bytes| *bytes > 0);
@@ -438,30 +438,30 @@ impl Supervisor {
     }
 
     /// Reads the result, removes the directory, and releases the supervisor.
-    fn collect(mut self, most: u64, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> io::Result<Ended> {
+    fn collect(mut self, most: u64, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> Ended {
         let mut ended = Ended::default();
         let stream = |name: &str| reading.text(self.place(), name, most).unwrap_or_default();
         (ended.stdout, ended.stderr) = (stream("stdout"), stream("stderr"));
         ended.files = files(self.place(), reading, wanted);
-        self.dismiss()?;
+        self.dismiss();
         if let Some(cut) = reading.over() {
             ended.end = cut;
         }
         ended.supervisor = Some(self);
-        Ok(ended)
+        ended
     }
 
     /// Removes the directory, and sends the supervisor that nothing more is needed.
-    fn dismiss(&mut self) -> io::Result<()> {
-        let removed = self.directory.take().map_or(Ok(()), TempDir::close);
+    fn dismiss(&mut self) {
+        // Where that fails, the result counts nevertheless: the supervisor tries it again, and later runs do.
+        drop(self.directory.take());
         let _ = self.lifeline.write_all(b"done\n");
-        removed
     }
 }
 
 impl Drop for Supervisor {
     fn drop(&mut self) {
-        let _ = self.dismiss();
+        self.dismiss();
         let _ = self.process.wait();
     }
 }

@@ -1,15 +1,19 @@
 //! Listening: ports, Unix sockets, and sockets that systemd has opened.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::net::{TcpListener, TcpStream};
-use std::os::unix::fs::{DirBuilderExt as _, FileTypeExt as _, PermissionsExt as _};
+use std::os::fd::AsRawFd as _;
+use std::os::unix::fs::{FileTypeExt as _, PermissionsExt as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use tempfile::TempDir;
+
 use crate::fault::{AtFault, Fault};
+use crate::process::litter;
 
 use super::address::Address;
 use super::client::Client;
@@ -106,8 +110,9 @@ impl Listener {
 
     /// The same, whose socket stays in the file system when the server ends.
     #[must_use]
-    pub fn kept(self) -> Self {
-        Self { is_kept: true, ..self }
+    pub fn kept(mut self) -> Self {
+        self.is_kept = true;
+        self
     }
 
     /// Where it listens, with the port that it was given.
@@ -134,10 +139,6 @@ impl Listener {
                 // Too many files are open, or a client has left before it was let in.
                 Err(_) => std::thread::sleep(Duration::from_millis(10)),
             }
-        }
-        if let (Address::Unix(path), false) = (&self.address, self.is_kept) {
-            // It may have been removed already.
-            let _ = fs::remove_file(path);
         }
     }
 
@@ -180,6 +181,15 @@ impl Listener {
         let shared = Arc::clone(server);
         let spawned = thread("connection").spawn(move || connection::serve(&shared, stream, client));
         spawned.map(drop).inspect_err(|_| server.leave(id))
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        if let (Address::Unix(path), false) = (&self.address, self.is_kept) {
+            // It may have been removed already.
+            let _ = fs::remove_file(path);
+        }
     }
 }
 
@@ -237,6 +247,13 @@ fn port(address: &Address, source: io::Error) -> ListenError {
     ListenError::Port { address: address.clone(), source, hint }
 }
 
+/// A folder for this process alone; those that killed processes left go.
+fn private(folder: &Path) -> io::Result<TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.permissions(fs::Permissions::from_mode(0o700));
+    builder.prefix(&litter::prefix(folder, ".rmem-")).tempdir_in(folder)
+}
+
 /// A socket that only its owner may use. It is made in a folder of its own, and named when it has its mode.
 fn bind(path: &Path) -> Result<UnixListener, ListenError> {
     let wrong = |reason: String| ListenError::Socket { path: path.to_owned(), reason };
@@ -250,17 +267,15 @@ fn bind(path: &Path) -> Result<UnixListener, ListenError> {
         _ => {}
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let private = folder.join(format!(".rmem-{}", std::process::id()));
-    let made = fs::DirBuilder::new().mode(0o700).create(&private).and_then(|()| {
-        let place = private.join("s");
+    let made = private(folder).and_then(|private| {
+        // Through its descriptor: the path of a socket may have 107 bytes.
+        let open = File::open(private.path())?;
+        let place = PathBuf::from(format!("/proc/self/fd/{}/s", open.as_raw_fd()));
         let listener = UnixListener::bind(&place)?;
         fs::set_permissions(&place, fs::Permissions::from_mode(0o600))?;
         fs::rename(&place, path)?;
         Ok(listener)
     });
-    // It is empty, or holds a socket that could not be named.
-    let _ = fs::remove_file(private.join("s"));
-    let _ = fs::remove_dir(&private);
     made.map_err(|error| wrong(format!("cannot listen there: {error}")))
 }
 
@@ -278,11 +293,30 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(Listener::bind(&address, None).is_err());
         drop(listener);
-        assert!(Listener::bind(&address, None).is_ok());
-        fs::remove_file(&path).unwrap();
+        assert!(!path.exists());
+        drop(UnixListener::bind(&path).unwrap());
+        assert!(path.exists() && Listener::bind(&address, None).is_ok());
         fs::write(&path, "precious").unwrap();
         assert!(Listener::bind(&address, None).is_err());
         assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
+    }
+
+    #[test]
+    fn what_a_killed_server_left_is_not_in_the_way() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join(format!(".rmem-{}", std::process::id()))).unwrap();
+        let listener = Listener::bind(&Address::Unix(folder.path().join("rmem.sock")), None);
+        assert!(listener.is_ok());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_socket_may_have_a_path_as_long_as_the_system_lets_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let length = 107 - folder.path().as_os_str().len() - "/".len();
+        let path = folder.path().join("s".repeat(length));
+        let _listener = Listener::bind(&Address::Unix(path.clone()), None).unwrap();
+        assert!(UnixStream::connect(&path).is_ok());
     }
 
     #[test]

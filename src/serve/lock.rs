@@ -3,13 +3,21 @@
 //! It has a lock on `FILE-serve`, which goes when the process ends however it ends; in the file is how
 //! it is reached.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read as _, Write as _};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::fault::{AtFault, Fault};
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+
+/// How often a lock is tried that another process has: [`holder`] has it for a moment.
+const ATTEMPTS: u32 = 20;
+/// The time between two attempts.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// While it lives, no other process serves the file.
 pub struct Lock {
@@ -30,12 +38,12 @@ pub struct Holder {
 #[derive(Debug, thiserror::Error)]
 pub enum LockError {
     /// Another process serves it.
-    #[error("{}: process {} serves this file already, at {}; connect to that, or end it", path.display(), holder.process, holder.uris)]
+    #[error("{}: {} serves this file already{}; connect to that, or end it", path.display(), name(holder.as_ref()), place(holder.as_ref()))]
     Held {
         /// Which file.
         path: PathBuf,
-        /// Its process.
-        holder: Holder,
+        /// Its process, once that has said how it is reached.
+        holder: Option<Holder>,
     },
     /// The lock cannot be written.
     #[error("{}: {source}", path.display())]
@@ -64,13 +72,18 @@ impl Lock {
     pub fn take(memory: &Path) -> Result<Self, LockError> {
         let path = beside(memory);
         let failed = |source| LockError::File { path: path.clone(), source };
-        let file =
-            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(failed)?;
-        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-            let holder = read(&path).unwrap_or(Holder { process: 0, uris: String::new() });
-            return Err(LockError::Held { path: memory.to_owned(), holder });
+        for _ in 0..ATTEMPTS {
+            let file =
+                OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(failed)?;
+            if !try_lock(&file, FlockOperation::NonBlockingLockExclusive).map_err(failed)? {
+                std::thread::sleep(PAUSE);
+            } else if is_at(&file, &path) {
+                // Here may be how a server is reached that was killed.
+                file.set_len(0).map_err(failed)?;
+                return Ok(Self { file, path });
+            }
         }
-        Ok(Self { file, path })
+        Err(LockError::Held { path: memory.to_owned(), holder: read(&path) })
     }
 
     /// Says how this process is reached.
@@ -86,8 +99,10 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Another process may have opened it by now, and locks what has no name then: the next makes a new one.
-        let _ = std::fs::remove_file(&self.path);
+        // Another process that has opened it by now finds that it has no name, and makes a new one.
+        if is_at(&self.file, &self.path) {
+            let _ = fs::remove_file(&self.path);
+        }
     }
 }
 
@@ -96,7 +111,32 @@ impl Drop for Lock {
 pub fn holder(memory: &Path) -> Option<Holder> {
     let path = beside(memory);
     let file = File::open(&path).ok()?;
-    flock(&file, FlockOperation::NonBlockingLockShared).is_err().then(|| read(&path)).flatten()
+    let is_free = try_lock(&file, FlockOperation::NonBlockingLockShared).unwrap_or(true);
+    if is_free { None } else { read(&path) }
+}
+
+/// Takes a lock; says whether no other process has it.
+fn try_lock(file: &File, operation: FlockOperation) -> io::Result<bool> {
+    match flock(file, operation) {
+        Ok(()) => Ok(true),
+        Err(Errno::WOULDBLOCK) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Whether an open file is the one at a path, and not one that was removed from there.
+fn is_at(file: &File, path: &Path) -> bool {
+    let identity = |found: fs::Metadata| (found.dev(), found.ino());
+    let named = fs::metadata(path).map(identity);
+    file.metadata().map(identity).is_ok_and(|open| named.is_ok_and(|named| named == open))
+}
+
+fn name(holder: Option<&Holder>) -> String {
+    holder.map_or("another process".to_owned(), |holder| format!("process {}", holder.process))
+}
+
+fn place(holder: Option<&Holder>) -> String {
+    holder.map_or(String::new(), |holder| format!(", at {}", holder.uris))
 }
 
 fn read(path: &Path) -> Option<Holder> {
@@ -126,9 +166,49 @@ mod tests {
         let found = holder(&memory).unwrap();
         assert_eq!(found.process, std::process::id());
         assert_eq!(found.uris, "mongodb://127.0.0.1:1/, mongodb://%2Ftmp%2Fx/");
-        assert!(matches!(Lock::take(&memory), Err(LockError::Held { holder, .. }) if holder == found));
+        assert!(matches!(Lock::take(&memory), Err(LockError::Held { holder, .. }) if holder.as_ref() == Some(&found)));
         drop(lock);
         assert_eq!(holder(&memory), None);
         assert!(Lock::take(&memory).is_ok());
+    }
+
+    #[test]
+    fn a_lock_file_that_was_removed_while_it_was_waited_for_lets_no_second_server_in() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = folder.path().join("robot.rmem");
+        for round in 0..200 {
+            let first = Lock::take(&memory).unwrap();
+            let other = memory.clone();
+            let second = std::thread::spawn(move || Lock::take(&other));
+            drop(first);
+            let second = second.join().unwrap().unwrap();
+            assert!(is_at(&second.file, &second.path), "round {round}");
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_server_leaves_the_lock_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = folder.path().join("robot.rmem");
+        let first = Lock::take(&memory).unwrap();
+        fs::remove_file(beside(&memory)).unwrap();
+        let second = Lock::take(&memory).unwrap();
+        drop(first);
+        assert!(is_at(&second.file, &second.path));
+        assert!(matches!(Lock::take(&memory), Err(LockError::Held { holder: None, .. })));
+    }
+
+    #[test]
+    fn a_look_at_who_serves_a_file_does_not_keep_a_server_from_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = folder.path().join("robot.rmem");
+        fs::write(beside(&memory), "1\nmongodb://127.0.0.1:1/\n").unwrap();
+        let probe = File::open(beside(&memory)).unwrap();
+        assert!(try_lock(&probe, FlockOperation::NonBlockingLockShared).unwrap());
+        let other = memory.clone();
+        let server = std::thread::spawn(move || Lock::take(&other).map(drop));
+        std::thread::sleep(PAUSE * 2);
+        drop(probe);
+        server.join().unwrap().unwrap();
     }
 }

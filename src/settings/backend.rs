@@ -1,6 +1,7 @@
 //! `[backend.local]` and `[backend.shared]` of `rmem.toml`: the mongod processes of this robot.
 
 use std::collections::BTreeSet;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -232,11 +233,13 @@ impl Table {
 
 /// Returns the address to listen on so that the members reach each other.
 fn reach(members: &[String]) -> &'static str {
-    let is_loopback = |member: &String| {
-        let host = member.rsplit_once(':').map_or(member.as_str(), |(host, _)| host);
-        host == "localhost" || host.starts_with("127.")
-    };
-    if members.iter().all(is_loopback) { "127.0.0.1" } else { "0.0.0.0" }
+    let is_here = |member: &String| is_loopback(member.rsplit_once(':').map_or(member.as_str(), |(host, _)| host));
+    if members.iter().all(is_here) { "127.0.0.1" } else { "0.0.0.0" }
+}
+
+/// Whether only this machine reaches an address.
+fn is_loopback(host: &str) -> bool {
+    host == "localhost" || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
 }
 
 fn port_of(member: &str) -> Option<u16> {
@@ -248,16 +251,43 @@ impl Backend {
     #[must_use]
     pub fn address(&self) -> String {
         let first = self.bind.split(',').map(str::trim).next().unwrap_or_default();
-        let host = match first {
-            "" | "0.0.0.0" | "::" | "*" | "localhost" => "127.0.0.1",
-            other => other,
-        };
-        format!("{host}:{}", self.port)
+        let everywhere = IpAddr::from(Ipv4Addr::LOCALHOST);
+        match first.parse::<IpAddr>() {
+            Ok(host) if host.is_unspecified() => SocketAddr::new(everywhere, self.port).to_string(),
+            Ok(host) => SocketAddr::new(host, self.port).to_string(),
+            Err(_) if ["", "*", "localhost"].contains(&first) => SocketAddr::new(everywhere, self.port).to_string(),
+            Err(_) => format!("{first}:{}", self.port),
+        }
     }
 
     /// Whether other machines can reach it.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        self.bind.split(',').map(str::trim).any(|host| host != "localhost" && !host.starts_with("127."))
+        self.bind.split(',').map(str::trim).any(|host| !is_loopback(host))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_of_a_backend_is_one_of_this_machine_and_open_where_others_reach_it() {
+        for (bind, address, is_open) in [
+            ("127.0.0.1", "127.0.0.1:27017", false),
+            ("localhost,10.0.0.5", "127.0.0.1:27017", true),
+            ("0.0.0.0", "127.0.0.1:27017", true),
+            ("::1", "[::1]:27017", false),
+            ("::1, 127.0.0.1", "[::1]:27017", false),
+            ("::", "127.0.0.1:27017", true),
+            ("fe80::1", "[fe80::1]:27017", true),
+            ("robot1", "robot1:27017", true),
+            ("127.example.org", "127.example.org:27017", true),
+        ] {
+            let tables: Tables =
+                toml::from_str(&format!("local = {{ port = 27017, path = 'd', bind = '{bind}' }}")).unwrap();
+            let backend = &tables.resolve(Path::new("/"))[0];
+            assert_eq!((backend.address().as_str(), backend.is_open()), (address, is_open), "{bind}");
+        }
     }
 }

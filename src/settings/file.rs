@@ -224,6 +224,13 @@ impl File {
         history::rules(self.keep_history.as_ref(), self.history_size.as_ref()).unwrap_or_default()
     }
 
+    /// The most bytes of changes that are kept.
+    #[must_use]
+    pub fn history_size(&self) -> u64 {
+        // It was checked when the file was read.
+        history::size(self.history_size.as_ref()).unwrap_or(history::DEFAULT_SIZE)
+    }
+
     /// The kinds of objects in scenes.
     #[must_use]
     pub fn object_kinds(&self) -> Vec<ObjectKind> {

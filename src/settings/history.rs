@@ -9,23 +9,26 @@ use crate::formats::quantity;
 use crate::store::{HistoryRule, Namespace, Scope};
 
 /// The most bytes of changes, where nothing else is set.
-const DEFAULT_SIZE: u64 = 64 << 20;
+pub(super) const DEFAULT_SIZE: u64 = 64 << 20;
 
 /// Reads the rules; an error is a mistake with its place.
 pub(super) fn rules(
     ages: Option<&Spanned<Value>>,
     size: Option<&Spanned<String>>,
 ) -> Result<Vec<HistoryRule>, (Range<usize>, String)> {
-    let size = match size {
-        Some(size) => quantity::size(size.get_ref()).map_err(|error| (size.span(), error))?,
-        None => DEFAULT_SIZE,
-    };
+    let size = self::size(size)?;
     let Some(ages) = ages else { return Ok(Vec::new()) };
     let wrong = |message: String| (ages.span(), message);
     match ages.get_ref() {
         Value::Table(each) => each.iter().map(|(name, value)| rule(name, value, size).map_err(wrong)).collect(),
         value => Ok(vec![HistoryRule { scope: Scope::All, age: age(value).map_err(wrong)?, size }]),
     }
+}
+
+/// Reads the most bytes of changes.
+pub(super) fn size(size: Option<&Spanned<String>>) -> Result<u64, (Range<usize>, String)> {
+    let read = |size: &Spanned<String>| quantity::size(size.get_ref()).map_err(|error| (size.span(), error));
+    size.map_or(Ok(DEFAULT_SIZE), read)
 }
 
 fn rule(name: &str, value: &Value, size: u64) -> Result<HistoryRule, String> {

@@ -164,6 +164,8 @@ pub struct Settings {
     pub computables: Vec<Definition>,
     /// Whose history is kept.
     pub histories: Setting<Vec<HistoryRule>>,
+    /// The most bytes of changes that are kept; each of `histories` has them.
+    pub history_size: Setting<u64>,
     /// The most documents that collections keep.
     pub most_documents: BTreeMap<Namespace, u64>,
     /// Kinds of objects in scenes, by configuration.
@@ -223,6 +225,10 @@ impl Settings {
             Some(ages) => Setting { value: file.histories(), origin: below.place(ages) },
             None => Setting::default(Vec::new()),
         };
+        let history_size = match &file.history_size {
+            Some(size) => Setting { value: file.history_size(), origin: below.place(size) },
+            None => Setting::default(history::DEFAULT_SIZE),
+        };
 
         let color = match flags.color {
             Some(Color::Always) => true,
@@ -252,6 +258,7 @@ impl Settings {
             backends: file.backends(folder),
             computables: file.computables(folder, below.path),
             histories,
+            history_size,
             most_documents: file.most_documents(),
             object_kinds: file.object_kinds(),
             file: path,

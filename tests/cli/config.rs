@@ -208,3 +208,28 @@ fn a_wrong_type_is_said_in_plain_words() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn the_size_of_a_history_is_printed_with_its_own_origin_and_said_where_it_has_no_effect() {
+    let lab = Lab::empty();
+    lab.write("rmem.toml", "keep_history = '1h'\n");
+    let shown = lab.rmem(&["config"]).success();
+    assert!(shown.contains("history_size = \"64M\"  # default\n"), "{shown}");
+    lab.write("rmem.toml", "keep_history = '1h'\nhistory_size = '3M'\n");
+    let run = lab.rmem(&["config"]);
+    assert!(run.stdout.contains("history_size = \"3M\"  # $LAB/rmem.toml:2\n") && run.stderr.is_empty(), "{run}");
+    lab.write("rmem.toml", "history_size = '3M'\n");
+    let run = lab.rmem(&["config"]);
+    assert!(run.stdout.contains("history_size = \"3M\"  # $LAB/rmem.toml:1\n"), "{run}");
+    assert_eq!(run.stderr, "warning: history_size has no effect without keep_history\n");
+}
+
+#[test]
+fn the_kinds_of_objects_in_scenes_are_printed() {
+    let lab = Lab::empty();
+    lab.write("rmem.toml", "[[scene.object]]\nname = 'cup'\ncollection = 'robmem.things'\nquery = '{type: \"cup\"}'\n");
+    let shown = lab.rmem(&["config"]).success();
+    assert!(shown.contains("scene.object cup in robmem.things: {\"type\":\"cup\"}\n"), "{shown}");
+    let shown = lab.rmem(&["config", "--format", "json"]).success();
+    assert!(shown.contains(r#""key":"scene.object.cup""#) || shown.contains(r#""key": "scene.object.cup""#), "{shown}");
+}

@@ -700,3 +700,21 @@ fn an_open_quote_in_the_goal_is_shown_where_it_opens() {
     [exit code: 3]
     "#);
 }
+
+#[test]
+fn a_problem_for_a_standard_stream_is_added_to_the_file_that_is_behind_it() {
+    for (name, to) in [
+        ("-", ">>"),
+        ("/dev/stdout", ">>"),
+        ("/dev/fd/1", ">>"),
+        ("/proc/self/fd/1", ">>"),
+        ("/dev/stderr", "2>>"),
+        ("/dev/fd/2", "2>>"),
+    ] {
+        let lab = Lab::empty();
+        lab.write("t.j2", "(define (problem p) (:domain d))\n");
+        lab.write("log", "earlier\n");
+        lab.shell(&format!("rmem -q gen-problem --memory mem: --template t.j2 -o {name} {to} log")).success();
+        assert_eq!(lab.read("log"), "earlier\n(define (problem p) (:domain d))\n", "{name}");
+    }
+}

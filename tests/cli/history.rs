@@ -136,9 +136,17 @@ fn undo_takes_the_last_command_back_and_undo_again_takes_that_back() {
     let before = lab.rmem(&["query", NS, "--meta"]).success();
     lab.rmem(&["update", NS, "{}", "{$set: {n: 2}}", "--many"]).success();
     let dry = lab.rmem(&["undo", NS, "--dry-run"]).exits(0);
-    assert!(dry.stderr.contains("1 would become {\"_id\":1,\"n\":1}\n"), "{dry}");
+    let first = "{\"_id\":1,\"becomes\":{\"_id\":1,\"n\":1},\"overwrites_later_changes\":false}\n";
+    assert!(
+        dry.stdout.starts_with(first) && dry.stdout.ends_with("{\"changes\":3,\"restored\":3,\"removed\":0}\n"),
+        "{dry}"
+    );
+    assert_eq!(lab.rmem(&["undo", NS, "--dry-run", "-q"]).success(), dry.stdout);
+    let json = lab.rmem(&["undo", NS, "--dry-run", "--format", "json"]).success();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((&json["changes"], &json["documents"][0]["becomes"]["n"]), (&3.into(), &1.into()), "{json}");
     let whole = lab.rmem(&["undo", NS, "--dry-run", "--meta"]).exits(0);
-    assert!(whole.stderr.contains("1 would become {\"_id\":1,\"n\":1,\"_robmem_info\":{"), "{whole}");
+    assert!(whole.stdout.contains("\"becomes\":{\"_id\":1,\"n\":1,\"_robmem_info\":{"), "{whole}");
     assert_eq!(lab.rmem(&["count", NS, "{n: 2}"]).success(), "3\n");
     let misspelt = lab.rmem(&["history", &NS[..NS.len() - 1]]).exits(0);
     assert!(misspelt.stderr.contains(&format!("did you mean {NS}?")), "{misspelt}");

@@ -437,3 +437,17 @@ fn a_text_search_finds_what_its_index_holds() {
     [exit code: 3]
     "#);
 }
+
+#[test]
+fn a_collation_that_would_do_nothing_is_refused() {
+    let lab = three_documents();
+    lab.rmem(&["index", "robmem.worldmodel", "{object: 1}"]).success();
+    let collation = ["--collation", "{locale: 'en'}"];
+    let run = lab.rmem(&[&["index", "robmem.worldmodel"], &collation[..]].concat()).exits(2);
+    assert_eq!(run.stderr, "error: an index needs keys; expected KEYS, like '{name: 1}'\n");
+    for flag in ["--hide", "--unhide", "--drop"] {
+        let run = lab.rmem(&[&["index", "robmem.worldmodel", "{object: 1}", flag], &collation[..]].concat()).exits(2);
+        assert!(run.stderr.contains("cannot be used with"), "{run}");
+    }
+    assert_eq!(lab.rmem(&["index", "robmem.worldmodel"]).success().lines().count(), 2);
+}

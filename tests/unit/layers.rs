@@ -44,7 +44,7 @@ const USES: [(&str, &str); 27] = [
     ("process", "formats"),
     ("query", "calendar fault"),
     ("scene", "formats memory query store"),
-    ("serve", "deadline fault memory query store"),
+    ("serve", "deadline fault memory process query store"),
     ("settings", "error formats input memory output pddl planner query scene store"),
     ("store", "calendar deadline fault formats interrupt process query"),
     ("views", "fault formats memory query scene store"),

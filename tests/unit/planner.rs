@@ -165,6 +165,22 @@ fn metric_ff_is_asked_again_with_its_option() {
 }
 
 #[test]
+fn the_memory_of_two_runs_is_the_larger_of_both() {
+    let body = format!(
+        "test \"$5\" = -s && {{ {FOUND}; exit 0; }}; x=$(head -c 60000000 /dev/zero | tr '\\0' a); \
+         echo 'Error! Optimization criterion not established.'; exit 1"
+    );
+    let run = Place::new().ff(&body, &within(60.0));
+    assert!(steps(&run) == ["Go A"] && run.memory > Some(50 << 20), "{run:?}");
+}
+
+#[test]
+fn a_run_whose_directory_cannot_be_removed_has_its_result() {
+    let run = Place::new().ff("directory=$PWD; cd /; rm -r \"$directory\"; exit 7", &within(10.0));
+    assert_eq!(run.code, Some(7), "{run:?}");
+}
+
+#[test]
 fn outcomes_of_ff_come_from_its_text() {
     for (body, code) in [
         ("echo 'best first search space empty! problem proven unsolvable.'", 11),

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::schema;
 use crate::clips::facts::{Exporter, FactError, Nested, loadable};
-use crate::commands::query::{argument, owned};
+use crate::commands::query::{argument, blame, owned};
 use crate::commands::{Context, UsageError, WrongInput, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -113,11 +113,15 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
             Some(name) => name.parse()?,
             None => context.settings.collection.value.clone(),
         };
-        let filter = arguments.next().map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();
+        let query = arguments.next();
+        let filter = query.map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();
+        let texts = query.map(|query| ("<query>", query));
+        let shown = |error| blame(error, texts.as_slice());
         let memory = context.memory()?;
         let mut is_empty = true;
-        for document in memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() })? {
-            let document = document.and_then(owned)?;
+        let found = memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() });
+        for document in found.map_err(shown)? {
+            let document = document.and_then(owned).map_err(shown)?;
             match form.fact(&exporter, &document) {
                 Ok(fact) => form.write(&fact, &mut text),
                 Err(error) => {

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
-use crate::plan::{Last, Record, Status, hash, rounded};
+use crate::plan::{Last, Record, Status, hash, rounded, whole};
 use crate::problem::names;
 use crate::store::Namespace;
 
@@ -116,7 +116,7 @@ fn story(record: &Record, lineage: &Document) -> Vec<(&'static str, String)> {
             .map(|words| words.iter().map(readable).collect::<Vec<_>>().join(" ")),
     );
     say("timeout", lineage.get_f64("timeout").ok().map(|millis| format!("{millis} ms")));
-    say("memory", lineage.get_i64("memory_limit").ok().map(|bytes| format!("{bytes} bytes at most")));
+    say("memory", whole(lineage, "memory_limit").map(|bytes| format!("{bytes} bytes at most")));
     let why = lineage.get_document("why").ok();
     for obstacle in why.and_then(|why| why.get_array("unreachable").ok()).into_iter().flatten() {
         say("unreachable", obstacle.as_document().map(unreachable));
@@ -171,7 +171,7 @@ fn listed(words: &[Bson]) -> String {
 fn raced(racer: &Document) -> String {
     let outcome = racer.get_str("outcome").unwrap_or("unknown");
     let time = racer.get_f64("time").map(|millis| format!(" after {:.2} s", millis / 1000.0)).unwrap_or_default();
-    let length = racer.get_i64("length").map(|length| format!(", {length} steps")).unwrap_or_default();
+    let length = whole(racer, "length").map(|length| format!(", {length} steps")).unwrap_or_default();
     let message = racer.get_str("message").ok().and_then(|message| message.lines().next());
     let message = message.map(|message| format!(": {message}")).unwrap_or_default();
     format!("{}: {outcome}{time}{length}{message}", planner(racer).unwrap_or_default())

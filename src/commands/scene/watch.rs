@@ -1,6 +1,6 @@
 //! `rmem scene watch`: operations on the scene as they happen.
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -9,6 +9,7 @@ use clap::builder::NonEmptyStringValueParser;
 use super::selection::Selection;
 use crate::commands::Context;
 use crate::commands::query::blame;
+use crate::commands::watch::retreat;
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::scene::Operation;
@@ -42,7 +43,7 @@ pub struct WatchArgs {
     /// Continue where the last watch with this name ended; a new name starts now
     #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     resume: Option<String>,
-    /// Exit after N operations
+    /// Exit after N operations; with --resume, the operations of the last change are complete
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// Exit after this time
@@ -52,8 +53,6 @@ pub struct WatchArgs {
 
 /// How long nothing is looked at but the memory.
 const SLICE: Duration = Duration::from_millis(250);
-/// How long one waits before a store is looked for again.
-const RETRY_DELAY: Duration = Duration::from_millis(500);
 
 pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
@@ -68,33 +67,48 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
     invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
     let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
-    let mut delivered = 0;
+    let (mut delivered, mut is_lost) = (0, false);
     loop {
-        if guard.interrupted().load(Ordering::Relaxed) {
-            return Ok(Exit::Interrupted);
+        if let Some(exit) = verdict(args, delivered, deadline, guard.interrupted()) {
+            return Ok(exit);
         }
-        let left = deadline.map_or(SLICE, |deadline| deadline.saturating_duration_since(Instant::now()));
-        match follower.next(left.min(SLICE))? {
-            Event::Operations(operations) => delivered += print(&operations, frame, format, context)?,
-            Event::Invalid(invalid, operations) => {
-                invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
-                delivered += print(&operations, frame, format, context)?;
-            }
-            Event::Nothing => {}
-            Event::Interrupted(error) => {
-                context.output.warn(&format!("{error}; trying again"));
-                std::thread::sleep(RETRY_DELAY);
-            }
-        }
-        follower.done()?;
-        if args.count.is_some_and(|count| delivered >= count) {
+        if (context.output.closed())() {
             return Ok(Exit::Done);
         }
-        if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-            let is_enough = args.count.is_none() && delivered > 0;
-            return Ok(if is_enough { Exit::Done } else { Exit::No });
+        let left = deadline.map_or(SLICE, |deadline| deadline.saturating_duration_since(Instant::now()));
+        let (invalid, mut operations) = match follower.next(left.min(SLICE))? {
+            Event::Operations(operations) => (Vec::new(), operations),
+            Event::Invalid(invalid, operations) => (invalid, operations),
+            Event::Nothing => (Vec::new(), Vec::new()),
+            Event::Interrupted(error) => {
+                retreat(&error, &mut is_lost, context);
+                continue;
+            }
+        };
+        if std::mem::take(&mut is_lost) {
+            context.output.note("following again");
         }
+        invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
+        // A watch with this name would not deliver the rest of a change that is done.
+        if let Some(count) = args.count.filter(|_| args.resume.is_none()) {
+            operations.truncate(usize::try_from(count - delivered).unwrap_or(usize::MAX));
+        }
+        delivered += print(&operations, frame, format, context)?;
+        follower.done()?;
     }
+}
+
+/// How the watch ends, where it does.
+fn verdict(args: &WatchArgs, delivered: u64, deadline: Option<Instant>, interrupted: &AtomicBool) -> Option<Exit> {
+    if interrupted.load(Ordering::Relaxed) {
+        return Some(Exit::Interrupted);
+    }
+    if args.count.is_some_and(|count| delivered >= count) {
+        return Some(Exit::Done);
+    }
+    let is_over = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    let is_enough = args.count.is_none() && delivered > 0;
+    is_over.then_some(if is_enough { Exit::Done } else { Exit::No })
 }
 
 /// Prints operations at once; gives how many.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use bson::{Bson, DateTime, Document, doc};
 
 use crate::pddl::Plan;
-use crate::plan::{hash, reported};
+use crate::plan::{hash, reported, whole};
 use crate::planner::{Host, Limits, Outcome, Planner, Run, Task, run};
 
 /// A run to be measured: what makes it the same as another.
@@ -110,16 +110,22 @@ pub fn measure(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let first = measure_once(setup, host);
     let more = (1..setup.repeats).take_while(|_| !host.is_interrupted()).map(|_| measure_once(setup, host));
     let runs: Vec<Measurement> = std::iter::once(first.clone()).chain(more).collect();
-    let failed: Vec<String> = runs.iter().filter(|run| !run.is_solved()).map(|run| run.outcome.clone()).collect();
-    let count = runs.len();
+    let failures = failures(&runs);
     let mut taken = median(runs).unwrap_or(first);
-    if count > 1 && !failed.is_empty() {
-        let mut outcomes = failed.clone();
-        outcomes.dedup();
-        let failures = format!("{} of {count} runs failed ({})", failed.len(), outcomes.join(", "));
+    if let Some(failures) = failures {
         taken.message = if taken.message.is_empty() { failures } else { format!("{failures}: {}", taken.message) };
     }
     taken
+}
+
+/// How many of several runs failed, and with which outcomes.
+fn failures(runs: &[Measurement]) -> Option<String> {
+    let failed = runs.iter().filter(|run| !run.is_solved());
+    let mut outcomes: Vec<&str> = failed.map(|run| run.outcome.as_str()).collect();
+    let (count, of) = (outcomes.len(), runs.len());
+    outcomes.sort_unstable();
+    outcomes.dedup();
+    (of > 1 && count > 0).then(|| format!("{count} of {of} runs failed ({})", outcomes.join(", ")))
 }
 
 /// The run of median time.
@@ -264,12 +270,12 @@ impl Measurement {
             outcome: text("outcome")?,
             seconds: number("seconds")?,
             cpu: number("cpu"),
-            memory: document.get_i64("memory").ok(),
+            memory: whole(document, "memory"),
             cost: number("cost"),
             maximize: document.get_bool("maximize").ok()?,
             makespan: number("makespan"),
             is_simulated: document.get_bool("simulated").ok()?,
-            steps: document.get_i64("steps").ok(),
+            steps: whole(document, "steps"),
             timeout: number("timeout")?,
             code: document.get_i32("exit_code").ok(),
             message: text("message").unwrap_or_default(),
@@ -306,6 +312,9 @@ mod tests {
         assert_eq!(taken(vec![crashed(0.1), solved(3.0), solved(1.0)]), of(SUCCESS, 3.0));
         assert_eq!(taken(vec![crashed(0.1), solved(3.0), crashed(0.2)]), of("crashed", 0.1));
         assert_eq!(taken(Vec::new()), None);
+        let all = [crashed(1.0), solved(1.0), run("no-plan", 1.0), crashed(1.0)];
+        assert_eq!(failures(&all).as_deref(), Some("3 of 4 runs failed (crashed, no-plan)"));
+        assert_eq!((failures(&all[..1]), failures(&all[1..2])), (None, None));
     }
 
     #[test]
@@ -329,7 +338,11 @@ mod tests {
             provenance: doc! { "anytime": false },
         };
         let document = measured.to_document(DateTime::from_millis(0));
-        assert_eq!(Measurement::from_document(&document), Some(measured));
+        assert_eq!(Measurement::from_document(&document), Some(measured.clone()));
+        // As it is read from relaxed text.
+        let mut narrow = document;
+        narrow.insert("steps", 3_i32);
+        assert_eq!(Measurement::from_document(&narrow), Some(measured));
         assert_eq!(Measurement::from_document(&doc! { "_id": "k" }), None);
         assert_eq!(crate::planner::Outcome::Plan(crate::pddl::Plan { steps: Vec::new(), cost: None }).word(), SUCCESS);
     }

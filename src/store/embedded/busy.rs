@@ -22,11 +22,13 @@ const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_millis(8);
 
 /// What is called once a write has waited for long.
-static TELL: OnceLock<fn()> = OnceLock::new();
+static TELL: OnceLock<fn(&str)> = OnceLock::new();
+/// What it is called with.
+const WAITING: &str = "another process writes to the memory; waiting until it is done";
 
-/// Calls `tell` for each write of this process that has waited two seconds for another process, once. The first call of
+/// Calls `tell` with a message for each write of this process that has waited two seconds for another process, once. The first call of
 /// this function counts.
-pub fn tell_waits(tell: fn()) {
+pub fn tell_waits(tell: fn(&str)) {
     let _ = TELL.set(tell);
 }
 
@@ -42,11 +44,12 @@ pub(super) fn install(
     connection.busy_handler(Some(move |attempt: i32| {
         if attempt == 0 {
             since = Instant::now();
+            progress.begin();
             is_told = false;
         }
         if !is_told && since.elapsed() >= LONG {
             is_told = true;
-            TELL.get().into_iter().for_each(|tell| tell());
+            TELL.get().into_iter().for_each(|tell| tell(WAITING));
         }
         let has_time = !is_brief.load(Ordering::Relaxed) || since.elapsed() < BRIEF_TIMEOUT;
         if since.elapsed() >= LOCK_TIMEOUT && progress.is_made() {
@@ -60,16 +63,27 @@ pub(super) fn install(
 /// so that the log does not grow.
 struct Progress {
     log: Option<PathBuf>,
-    /// The length of the log, and when it was written.
-    state: Option<(u64, Option<SystemTime>)>,
+    state: Option<LogState>,
 }
 
+/// The length of a log, and when it was written.
+type LogState = (u64, Option<SystemTime>);
+
 impl Progress {
-    /// Whether the log has changed since the last call.
+    /// Notes the log as it is when a wait begins.
+    fn begin(&mut self) {
+        self.state = self.current();
+    }
+
+    /// Whether the log has changed since the wait began, or the last call.
     fn is_made(&mut self) -> bool {
-        let log = self.log.as_ref().and_then(|log| std::fs::metadata(log).ok());
-        let state = log.map(|log| (log.len(), log.modified().ok()));
+        let state = self.current();
         std::mem::replace(&mut self.state, state) != state
+    }
+
+    fn current(&self) -> Option<LogState> {
+        let log = std::fs::metadata(self.log.as_ref()?).ok()?;
+        Some((log.len(), log.modified().ok()))
     }
 }
 
@@ -127,12 +141,16 @@ mod tests {
     fn a_log_that_is_written_over_is_progress() {
         let log = tempfile::NamedTempFile::new().unwrap();
         let mut progress = Progress { log: Some(log.path().to_owned()), state: None };
-        assert!(progress.is_made());
+        progress.begin();
         assert!(!progress.is_made());
         log.as_file().set_modified(SystemTime::UNIX_EPOCH).unwrap();
         assert!(progress.is_made());
         log.as_file().set_len(10).unwrap();
         assert!(progress.is_made());
+        // What was written between two waits is not progress of the second.
+        log.as_file().set_len(20).unwrap();
+        progress.begin();
+        assert!(!progress.is_made());
     }
 
     #[test]

@@ -304,3 +304,12 @@ fn several_files_of_facts_are_imported_together() {
     [exit code: 3]
     "#);
 }
+
+#[test]
+fn an_operator_that_there_is_not_is_shown_in_the_query_of_an_export() {
+    let lab = lab();
+    lab.rmem(&["insert", "a.b", "{n: 1}"]).success();
+    let export = lab.rmem(&["clips", "export", "a.b", "{n: {$no: 1}}"]).exits(3);
+    assert!(export.stderr.contains("<query>:1:"), "{export}");
+    assert_eq!(export.stderr, lab.rmem(&["query", "a.b", "{n: {$no: 1}}"]).stderr);
+}

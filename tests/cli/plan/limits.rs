@@ -179,3 +179,14 @@ fn a_run_without_room_for_its_files_is_4_and_no_failed_plan() {
     ");
     assert_eq!(lab.rmem(&["count", "robmem.plans"]).success(), "0\n");
 }
+
+#[test]
+fn a_tmpdir_that_is_empty_is_none() {
+    let lab = Lab::new().env("TMPDIR", "");
+    lab.write("rmem.toml", "[planner.spy]\ncommand = [\"./spy\", \"{domain}\", \"{problem}\"]\noutput = \"ff\"\n");
+    lab.write("spy", "#!/bin/sh\npwd > \"$(dirname \"$0\")/seen\"\n");
+    lab.shell("chmod +x spy").success();
+    let _ = crate::lab::plan(&lab, &["--planner", "spy"]);
+    let seen = lab.read("seen");
+    assert!(seen.starts_with("/tmp/") && !seen.starts_with(&lab.path().display().to_string()), "{seen}");
+}

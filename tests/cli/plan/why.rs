@@ -42,3 +42,15 @@ fn no_address_of_a_memory_is_kept_with_a_plan() {
     let stored = lab.rmem(&["query", "robmem.plans", "--meta", "--memory", "file:secret-name.rmem"]).success();
     assert!(stored.contains("\"sources\"") && !stored.contains("secret-name"), "{stored}");
 }
+
+#[test]
+fn a_limit_of_memory_is_known_after_the_plan_went_through_text() {
+    let lab = Lab::new();
+    crate::lab::plan(&lab, &["-q", "--memory-limit", "1G"]).success();
+    let text = lab.rmem(&["query", "robmem.plans", "--meta"]).success();
+    let lab = Lab::new();
+    lab.write("world.json", &format!("{{\"robmem.plans\": [{text}]}}"));
+    lab.rmem(&["restore", "world.json"]).success();
+    let why = lab.rmem(&["plan", "why", "last"]).success();
+    assert!(why.contains("\nmemory      1073741824 bytes at most\n"), "{why}");
+}

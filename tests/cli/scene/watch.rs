@@ -184,3 +184,29 @@ fn a_forgotten_watch_begins_anew() {
     kitchen.rmem(&["delete", OBJECTS, "{_id: 'red-cup'}"]).success();
     assert_quiet(&kitchen);
 }
+
+#[test]
+fn no_more_operations_are_printed_than_were_asked_for() {
+    let kitchen = Kitchen::new();
+    let watch = start(&kitchen, &["--count", "2"]);
+    // Three objects are in this frame.
+    kitchen.update("robmem.frames", "table-top", "{$set: {'translation.0': 0.9}}");
+    let (code, operations) = watch.end();
+    assert_eq!((code, operations.len()), (0, 2), "{operations:?}");
+}
+
+#[test]
+fn a_watch_of_a_named_position_prints_the_last_change_whole() {
+    let kitchen = Kitchen::new();
+    let watch = start(&kitchen, &["--count", "2", "--resume", "planner"]);
+    kitchen.update("robmem.frames", "table-top", "{$set: {'translation.0': 0.9}}");
+    let (code, operations) = watch.end();
+    assert_eq!((code, operations.len()), (0, 3), "{operations:?}");
+}
+
+#[test]
+fn a_watch_ends_when_nobody_reads_what_it_prints() {
+    let kitchen = Kitchen::new();
+    let line = format!("timeout 50 rmem scene watch {OBJECTS} --frame map | true");
+    assert_eq!(kitchen.lab.shell(&line).code, 0);
+}

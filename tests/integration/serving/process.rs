@@ -64,6 +64,8 @@ fn lock() -> Result<(), Failed> {
     let served = Served::start(folder.path(), &[])?;
     let (code, printed) = rmem(folder.path(), &["serve", "--listen", "127.0.0.1:0"])?;
     assert!(code == Some(5) && printed.contains(&served.uri), "{code:?} {printed}");
+    let (code, printed) = rmem(folder.path(), &["serve", "--socket", "second.sock"])?;
+    assert!(code == Some(5) && !folder.path().join("second.sock").exists(), "{code:?} {printed}");
     assert_eq!(rmem(folder.path(), &["insert", "a.c", "{_id: 1}"])?.0, Some(0));
     let found = served.client()?.database("a").collection::<Document>("c");
     found.insert_one(doc! { "_id": 2 }).run()?;
