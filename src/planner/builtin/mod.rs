@@ -15,6 +15,7 @@ mod compared;
 pub mod convert;
 mod ff_output;
 mod judge;
+mod measure;
 mod options;
 mod portfolio;
 mod proof;
