@@ -289,6 +289,22 @@ fn what_a_planner_cannot_do_is_34_before_it_runs() {
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(0);
 }
 
+#[test]
+fn a_timed_fact_is_waited_for_also_where_no_action_takes_time() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :timed-initial-literals) (:predicates (p) (g) (q))
+      (:action a :parameters () :precondition (and (p) (q)) :effect (g))
+      (:action b :parameters () :precondition (and) :effect (q)))";
+    lab.write("d.pddl", domain);
+    for timed in ["(at 10 (p))", "(at 10 (p)) (at 15 (not (p)))"] {
+        lab.write("p.pddl", &format!("(define (problem x) (:domain d) (:init {timed}) (:goal (g)))"));
+        let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+        assert!(run.stdout.starts_with("0.000: (b)") && run.stdout.contains("\n10.001: (a)"), "{run}");
+        lab.write("plan", &run.stdout);
+        lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).exits(0);
+    }
+}
+
 /// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
 fn tasks() -> Vec<(String, Vec<i32>)> {
     let table = std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/README.md")).unwrap();

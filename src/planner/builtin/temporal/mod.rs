@@ -54,7 +54,7 @@ pub(super) fn plan(
     memory: usize,
     send: &mut dyn FnMut(Message<'_>),
 ) -> bool {
-    if domain.durative_actions.is_empty() || !domain.derived.is_empty() {
+    if domain.durative_actions.is_empty() && problem.til.is_empty() || !domain.derived.is_empty() {
         return false;
     }
     let Some(windows) = Windows::new(domain, problem) else { return false };
