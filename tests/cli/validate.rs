@@ -337,6 +337,24 @@ fn parts_of_other_languages_end_in_34_with_their_name() {
     }
     lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (q)))");
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(34);
+#[test]
+fn derived_predicates_that_explode_end_in_an_error() {
+    let lab = Lab::new();
+    let objects: Vec<String> = (0..40).map(|number| format!("o{number}")).collect();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :adl :derived-predicates) (:predicates (Near ?a ?b ?c ?d ?e ?f) (done) (e ?a ?b))
+          (:derived (Near ?a ?b ?c ?d ?e ?f) (and (not (e ?a ?b)) (not (e ?c ?d)) (not (e ?e ?f))))
+          (:action huge :parameters (?a) :precondition (exists (?b ?c ?d ?e ?f) (Near ?a ?b ?c ?d ?e ?f))
+            :effect (done)))",
+    );
+    let problem = format!("(define (problem p) (:domain d) (:objects {}) (:init) (:goal (done)))", objects.join(" "));
+    lab.write("p.pddl", &problem);
+    lab.write("plan", "(huge o1)\n");
+    let run = lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]);
+    assert!(run.code != 0, "{run}");
+    let said = [run.stdout.as_str(), run.stderr.as_str()].concat();
+    assert!(said.contains("the derived predicate `Near` has more than 4000000 facts"), "{run}");
 }
 
 #[test]

@@ -30,8 +30,8 @@ pub(super) enum Message<'p> {
 }
 
 /// How far a grounding is, in words.
-pub(super) fn grounding(action: &str, instances: usize) -> String {
-    format!("grounding: the action {action} has {instances} instances so far")
+pub(super) fn grounding(of: &str, instances: usize) -> String {
+    format!("grounding: {of} has {instances} instances so far")
 }
 
 /// What becomes of a task.
@@ -100,8 +100,8 @@ fn search(
         Err(Refusal::Circular) => {
             return Err(SolveError::Derived("a derived predicate depends on its own negation".to_owned()));
         }
-        Err(Refusal::Explosion { action, instances }) => {
-            return Ok(Answer::None(NoPlan::Full(format!("the action {action} has more than {instances} instances"))));
+        Err(Refusal::Explosion { of, instances }) => {
+            return Ok(Answer::None(NoPlan::Full(format!("{of} has more than {instances} instances"))));
         }
     };
     // The search knows no gains: it goes without the metric then.
@@ -451,8 +451,8 @@ mod tests {
         );
         let task = lifted(domain, &problem).unwrap();
         match ground(&task, 1 << 20, &mut |_, _| {}) {
-            Err(Refusal::Explosion { action, instances }) => {
-                assert!(action == "CONNECT" && instances > 1000, "{instances}")
+            Err(Refusal::Explosion { of, instances }) => {
+                assert!(of == "the action CONNECT" && instances > 1000, "{instances}")
             }
             other => panic!("{other:?}"),
         }
