@@ -93,6 +93,11 @@ pub trait Planner: Send + Sync {
         self.is_anytime()
     }
 
+    /// What of a task keeps it from that.
+    fn never_improves(&self, _task: &Task<'_>) -> &[Feature] {
+        &[]
+    }
+
     /// How to get the program.
     fn install(&self) -> String {
         format!("install `{}`, or name another planner with --planner", self.name())
@@ -329,6 +334,15 @@ fn spelled(message: &str, domain: &ast::Domain) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
+/// What of a task keeps planners from looking for better plans, at its place.
+#[must_use]
+pub fn not_improved(planners: &[Box<dyn Planner>], task: &Task<'_>) -> Option<Diagnostic> {
+    let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
+    let mut uses = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source())));
+    let kept = |feature: &Feature| planners.iter().find(|planner| planner.never_improves(task).contains(feature));
+    let (used, source, planner) = uses.find_map(|(used, source)| Some((used, source, kept(&used.feature)?)))?;
+    let message = format!("{} cannot improve a plan of a temporal task with {}", planner.name(), used.feature);
+    Some(Diagnostic::new(source, used.span, message).hint("leave out --anytime").unsupported())
 }
 
 /// Whether a planner refuses its input where that has numbers.

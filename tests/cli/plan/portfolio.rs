@@ -111,7 +111,7 @@ fn what_a_configured_planner_lacks_is_refused_with_the_line() {
     lab.write("rmem.toml", &modest("'numbers'"));
     assert_run!(lab.rmem(&[&task[..], &["--planner", "modest"]].concat()), @r"
     ------- stderr -------
-    error: $LAB/rmem.toml:4:10: `numbers` is no feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers
+    error: $LAB/rmem.toml:4:10: `numbers` is no feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers, other-metrics
       |
     4 | lacks = ['numbers']
       |          ^^^^^^^^^
@@ -354,8 +354,12 @@ fn anytime_is_refused_where_no_planner_improves_its_plan() {
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"];
     assert_run!(lab.rmem(&[&words[..], &["--anytime"]].concat()), @r"
     ------- stderr -------
-    error: builtin cannot improve a plan of this task; leave out --anytime
-    [exit code: 2]
+    error: p.pddl:1:61: builtin cannot improve a plan of a temporal task with preferences
+      |
+    1 | (define (problem p) (:domain d) (:init) (:goal (and (there) (preference away (not (there))))))
+      |                                                             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: leave out --anytime
+    [exit code: 34]
     ");
     let found = lab.rmem(&words).success();
     assert!(found.contains("(go)"), "{found}");
