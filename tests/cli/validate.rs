@@ -338,6 +338,21 @@ fn parts_of_other_languages_end_in_34_with_their_name() {
     lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (q)))");
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(34);
 #[test]
+fn comments_of_pddl_and_of_plans_may_have_any_bytes() {
+    let lab = Lab::new();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(lab.path().join(name), bytes).unwrap();
+    write("d.pddl", b"; Gr\xfc\xdfe\n(define (domain d) (:predicates (p)) ; \xe4\n (:action a :effect (p)))\n");
+    write("p.pddl", b";\xff\n(define (problem p) (:domain d) (:init) (:goal (p)))");
+    write("plan", b"(a) ; \xfc\n");
+    lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).success();
+    lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).success();
+    lab.rmem(&["--memory", "mem:", "plan", "import", "plan", "-d", "d.pddl", "-p", "p.pddl"]).success();
+    write("bad.pddl", b"; \xfc\n(define (domain \xfc) (:predicates (p)))");
+    let run = lab.rmem(&["validate", "bad.pddl"]).exits(3);
+    assert!(run.stderr.contains("bad.pddl:2:17: expected UTF-8 text"), "{run}");
+}
+
+#[test]
 fn derived_predicates_that_explode_end_in_an_error() {
     let lab = Lab::new();
     let objects: Vec<String> = (0..40).map(|number| format!("o{number}")).collect();
