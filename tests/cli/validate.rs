@@ -337,6 +337,27 @@ fn parts_of_other_languages_end_in_34_with_their_name() {
     }
     lab.write("p.pddl", "(define (problem p) (:domain d) (:init) (:goal (q)))");
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(34);
+    let section = "(:process fall :parameters () :precondition (p) :effect (increase (h) #t))";
+    for (section, what) in [
+        (section.to_owned(), "2:3: no planner of rmem can handle processes (`:process`)"),
+        (section.replace("process", "event"), "2:3: no planner of rmem can handle events (`:event`)"),
+        (
+            "(:requirements :non-deterministic)".to_owned(),
+            "2:17: no planner of rmem can handle nondeterministic effects",
+        ),
+    ] {
+        lab.write("d.pddl", &format!("(define (domain d)\n {section} (:predicates (p)) (:functions (h)))"));
+        let run = lab.rmem(&["validate", "d.pddl"]).exits(34);
+        assert!(run.stderr.starts_with(&format!("error: d.pddl:{what}")), "{run}");
+    }
+    let domain =
+        "(define (domain d) (:requirements :timed-initial-literals :fluents) (:predicates (p)) (:functions (h)))";
+    lab.write("d.pddl", domain);
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init (at 3 (p))\n (at 4 (= (h) 6))) (:goal (p)))");
+    let run = lab.rmem(&["validate", "d.pddl", "p.pddl"]).exits(34);
+    assert!(run.stderr.starts_with("error: p.pddl:2:9: no planner of rmem can handle numbers that are set"), "{run}");
+}
+
 #[test]
 fn comments_of_pddl_and_of_plans_may_have_any_bytes() {
     let lab = Lab::new();
