@@ -321,6 +321,19 @@ fn what_no_planner_can_do_of_a_task_is_refused_at_its_line_before_the_run() {
 }
 
 #[test]
+fn an_action_of_any_duration_is_planned_for() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :durative-actions) (:predicates (p) (q))
+      (:durative-action a :parameters () :duration () :condition () :effect (at end (p)))
+      (:durative-action b :parameters () :duration (and) :condition (at start (p)) :effect (at end (q))))";
+    lab.write("d.pddl", domain);
+    lab.write("p.pddl", "(define (problem x) (:domain d) (:init) (:goal (q)))");
+    let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+    lab.write("plan", &run.stdout);
+    lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).exits(0);
+}
+
+#[test]
 fn a_timed_fact_is_waited_for_also_where_no_action_takes_time() {
     let lab = Lab::new();
     let domain = "(define (domain d) (:requirements :timed-initial-literals) (:predicates (p) (g) (q))
