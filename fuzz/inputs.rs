@@ -62,8 +62,6 @@ pub(crate) fn pddl_problem(bytes: &[u8]) {
 /// What planners print and write.
 pub(crate) fn plan(bytes: &[u8]) {
     read(bytes, plans::read_plan);
-    read(bytes, plans::downward::read_steps);
-    read(bytes, plans::temporal::read_steps);
     if let Some(source) = source(bytes) {
         let _ = plans::ff::read(source.text(), "");
         let _ = plans::ff::read("", source.text());

@@ -64,6 +64,22 @@ pub(crate) fn read_file(path: &std::path::Path) -> Result<Vec<u8>, WrongInput> {
     std::fs::read(path).map_err(unread)
 }
 
+/// As [`decode`], for PDDL and plans: the bytes of a comment, from `;` to the end of its line, may be any.
+pub(crate) fn decode_pddl(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
+    let bytes = match std::str::from_utf8(&bytes) {
+        Ok(_) => bytes,
+        Err(_) => bytes.split_inclusive(|byte| *byte == b'\n').flat_map(with_readable_comment).collect(),
+    };
+    decode(name, bytes)
+}
+
+/// A line whose comment has a mark for each byte that is not UTF-8.
+fn with_readable_comment(line: &[u8]) -> Vec<u8> {
+    let comment = line.iter().position(|byte| *byte == b';').unwrap_or(line.len());
+    let (code, comment) = line.split_at(comment);
+    [code, String::from_utf8_lossy(comment).as_bytes()].concat()
+}
+
 /// Returns the text that bytes spell; an error has the line and column of the first that is not UTF-8.
 pub(crate) fn decode(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
     String::from_utf8(bytes).map(|text| Source::new(name, text)).map_err(|error| {

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use crate::error::{Context as _, Result};
 use crate::formats::Source;
-use crate::input::{UsageError, decode, unreadable};
+use crate::input::{UsageError, decode, decode_pddl, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::memory::{Memory, Observer, Operation};
@@ -188,6 +188,20 @@ impl<'a> Context<'a> {
     /// # Errors
     /// Where it cannot be read, or is not UTF-8.
     pub fn read(&mut self, path: &Path) -> Result<Source> {
+        let (name, bytes) = self.read_bytes(path)?;
+        Ok(decode(&name, bytes)?)
+    }
+
+    /// As [`Self::read`], for PDDL and plans, whose comments may have any bytes.
+    ///
+    /// # Errors
+    /// Where it cannot be read, or is not UTF-8 outside of comments.
+    pub fn read_pddl(&mut self, path: &Path) -> Result<Source> {
+        let (name, bytes) = self.read_bytes(path)?;
+        Ok(decode_pddl(&name, bytes)?)
+    }
+
+    fn read_bytes(&mut self, path: &Path) -> Result<(String, Vec<u8>)> {
         let mut bytes = Vec::new();
         let name = if path == Path::new("-") {
             self.take_stdin()?.read_to_end(&mut bytes).map_err(|error| unreadable("stdin", &error))?;
@@ -197,7 +211,7 @@ impl<'a> Context<'a> {
             bytes = std::fs::read(path).map_err(|error| unreadable(&name, &error))?;
             name
         };
-        Ok(decode(&name, bytes)?)
+        Ok((name, bytes))
     }
 
     /// Takes standard input, so that results can be printed while it is read.

@@ -72,8 +72,8 @@ pub(super) fn run(args: &FfArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !ignored.is_empty() {
         context.output.note(&format!("ff: the built-in planner searches in its own way; ignored: {ignored}"));
     }
-    let domain = context.read(&prefixed(args, &args.domain))?;
-    let problem = context.read(&prefixed(args, &args.problem))?;
+    let domain = context.read_pddl(&prefixed(args, &args.domain))?;
+    let problem = context.read_pddl(&prefixed(args, &args.problem))?;
     let options = builtin::Options { anytime: args.anytime, streamed: args.checked, ..builtin::Options::default() };
     let mut written = Ok(());
     // Each piece is passed on at once: a caller that stops this process has the plans found until then.

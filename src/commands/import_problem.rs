@@ -60,7 +60,7 @@ pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> Result
     context.format(&formats::TEXT)?;
     let dialect = Dialect { lenient: args.lenient };
     let domain = args.domain.as_deref().map(|path| read_domain(path, args.lenient, context)).transpose()?;
-    let source = context.read(&args.problem)?;
+    let source = context.read_pddl(&args.problem)?;
     let tree = match domain {
         Some(domain) => Problem::read(&source, &domain, dialect).map_err(Diagnostics)?.tree().clone(),
         None => read_problem(&source, dialect)?,

@@ -74,7 +74,7 @@ fn definition(text: &str) -> Result<Definition, String> {
 
 /// Reads and checks a domain.
 pub(super) fn read_domain(path: &Path, lenient: bool, context: &mut Context<'_>) -> Result<Domain> {
-    let source = context.read(path)?;
+    let source = context.read_pddl(path)?;
     let domain = Domain::read(&source, Dialect { lenient }).map_err(Diagnostics)?;
     warn(domain.warnings(), context);
     Ok(domain)

@@ -46,7 +46,7 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
         print(&[format!("domain {} is valid", domain.name())], vec![valid], format, context)?;
         return Ok(Exit::Done);
     };
-    let source = context.read(problem_file)?;
+    let source = context.read_pddl(problem_file)?;
     let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics);
     let problem = problem.map_err(|error| of_template(error.into(), problem_file))?;
     warn(problem.warnings(), context);
@@ -57,7 +57,7 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     }
     let (mut exits, mut reports, mut unread) = (Vec::new(), Vec::new(), None);
     for path in &args.plans {
-        let read = context.read(path).and_then(|file| Ok(CheckedPlan::new(&file, &domain, &problem)?));
+        let read = context.read_pddl(path).and_then(|file| Ok(CheckedPlan::new(&file, &domain, &problem)?));
         let mut checked = match read {
             Ok(checked) => checked,
             // The others are checked all the same, and a program reads one entry for each plan.

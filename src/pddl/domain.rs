@@ -147,6 +147,9 @@ impl Domain {
         let preferences = std::mem::take(&mut resolver.preferences);
         if let Some(span) = first_changing(&tree) {
             uses.note(Feature::ChangingDerivedPredicates, span);
+            if !tree.durative_actions.is_empty() {
+                uses.note(Feature::TimedDerivedPredicates, span);
+            }
         }
         let features = uses.finish();
         check_announced(&tree.requirements, &features, &mut report);
@@ -269,6 +272,8 @@ fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<
                 Feature::ActionVariables
                     | Feature::FractionalNumbers
                     | Feature::ChangingDerivedPredicates
+                    | Feature::TimedDerivedPredicates
+                    | Feature::OtherMetrics
                     | Feature::DurationsAtEnd
                     | Feature::TimedPreferences
             )

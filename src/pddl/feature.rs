@@ -27,6 +27,8 @@ pub enum Feature {
     DerivedPredicates,
     /// `:derived` with rules that look at facts which actions change.
     ChangingDerivedPredicates,
+    /// The same, beside durative actions.
+    TimedDerivedPredicates,
     /// `(increase (total-cost) …)` and no other arithmetic.
     ActionCosts,
     /// Numbers in conditions, or effects on them.
@@ -53,11 +55,13 @@ pub enum Feature {
     ActionVariables,
     /// A number that is not whole, such as `1.5`.
     FractionalNumbers,
+    /// A metric other than `minimize (total-cost)`.
+    OtherMetrics,
 }
 
 impl Feature {
     /// All of them.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 25] = [
         Self::Typing,
         Self::Equality,
         Self::NegativePreconditions,
@@ -68,6 +72,7 @@ impl Feature {
         Self::TimedConditionalEffects,
         Self::DerivedPredicates,
         Self::ChangingDerivedPredicates,
+        Self::TimedDerivedPredicates,
         Self::ActionCosts,
         Self::NumericFluents,
         Self::ObjectFluents,
@@ -81,6 +86,7 @@ impl Feature {
         Self::Constraints,
         Self::ActionVariables,
         Self::FractionalNumbers,
+        Self::OtherMetrics,
     ];
 
     /// The features that a requirement, with or without its colon, is the name of.
@@ -100,7 +106,9 @@ impl Feature {
             Self::ExistentialPreconditions => "existential-preconditions",
             Self::UniversalPreconditions => "universal-preconditions",
             Self::ConditionalEffects | Self::TimedConditionalEffects => "conditional-effects",
-            Self::DerivedPredicates | Self::ChangingDerivedPredicates => "derived-predicates",
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates | Self::TimedDerivedPredicates => {
+                "derived-predicates"
+            }
             Self::ActionCosts => "action-costs",
             Self::NumericFluents => "numeric-fluents",
             Self::ObjectFluents => "object-fluents",
@@ -112,6 +120,7 @@ impl Feature {
             Self::Constraints => "constraints",
             Self::ActionVariables => "action-variables",
             Self::FractionalNumbers => "fractional-numbers",
+            Self::OtherMetrics => "other-metrics",
         }
     }
 
@@ -130,7 +139,9 @@ impl Feature {
             Self::ExistentialPreconditions | Self::UniversalPreconditions => {
                 &["adl", "ucpop", "quantified-preconditions"]
             }
-            Self::DerivedPredicates | Self::ChangingDerivedPredicates => &["domain-axioms"],
+            Self::DerivedPredicates | Self::ChangingDerivedPredicates | Self::TimedDerivedPredicates => {
+                &["domain-axioms"]
+            }
             Self::ActionCosts => &["fluents", "numeric-fluents"],
             Self::NumericFluents => &["fluents"],
             Self::ObjectFluents => &["fluents"],
@@ -148,6 +159,10 @@ impl fmt::Display for Feature {
             Self::TimedConditionalEffects => f.write_str("effects under conditions of other moments"),
             Self::TimedPreferences => f.write_str("preferences in conditions of durative actions"),
             Self::ChangingDerivedPredicates => f.write_str("derived predicates over facts that actions change"),
+            Self::TimedDerivedPredicates => {
+                f.write_str("derived predicates over facts that actions change, beside durative actions")
+            }
+            Self::OtherMetrics => f.write_str("a metric other than `minimize (total-cost)`"),
             _ => f.write_str(&self.requirement().replace('-', " ")),
         }
     }

@@ -104,6 +104,9 @@ impl Problem {
             if !is_cost(&number, domain) {
                 resolver.uses.note(Feature::NumericFluents, metric.place.0);
             }
+            if !(metric.minimize && matches!(number, Number::Fluent(_)) && is_cost(&number, domain)) {
+                resolver.uses.note(Feature::OtherMetrics, metric.place.0);
+            }
             number
         });
         let features = uses.finish();

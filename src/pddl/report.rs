@@ -1,6 +1,6 @@
 //! Complaints collected on the way: several at once, but not without end.
 
-use crate::formats::pddl::{other_language, tight_dashes};
+use crate::formats::pddl::{Foreign, other_language, tight_dashes};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How many errors, and how many warnings, are kept.
@@ -74,13 +74,9 @@ impl<'a> Report<'a> {
 pub(super) fn foreign_or(source: &Source, wrong: Vec<Diagnostic>) -> Vec<Diagnostic> {
     match other_language(source) {
         None => wrong,
-        Some((span, what)) => {
+        Some(Foreign { span, what, hint }) => {
             let message = format!("no planner of rmem can handle {what}");
-            vec![
-                Diagnostic::new(source, span, message)
-                    .hint("what actions do has to be certain and known")
-                    .unsupported(),
-            ]
+            vec![Diagnostic::new(source, span, message).hint(hint).unsupported()]
         }
     }
 }

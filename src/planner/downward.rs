@@ -8,7 +8,7 @@ use crate::formats::plan::{Transcript, downward};
 use crate::pddl::Feature;
 use crate::process::Host;
 
-const LACKS: [Feature; 10] = [
+const LACKS: [Feature; 11] = [
     Feature::DurativeActions,
     Feature::DurationInequalities,
     Feature::TimedInitialLiterals,
@@ -19,6 +19,7 @@ const LACKS: [Feature; 10] = [
     Feature::ObjectFluents,
     Feature::ActionVariables,
     Feature::FractionalNumbers,
+    Feature::OtherMetrics,
 ];
 
 /// What its translator accepts, by its own words when it meets another.

@@ -31,6 +31,6 @@ pub use outcome::Outcome;
 pub use progress::progress;
 pub use race::{Portfolio, Race};
 pub use registry::{Registry, UnknownPlanner};
-pub use run::{Output, Planner, Run, run, spaced};
+pub use run::{Output, Planner, Run, not_improved, run, spaced};
 pub use sizes::Sizes;
 pub use task::Task;

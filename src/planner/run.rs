@@ -10,6 +10,7 @@ use super::files::{self, DOMAIN, DOMAIN_FILE, PLAN, PROBLEM, PROBLEM_FILE};
 use super::outcome::Outcome;
 use super::sizes::Sizes;
 use super::task::Task;
+use crate::formats::pddl::ast;
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
@@ -90,6 +91,11 @@ pub trait Planner: Send + Sync {
     /// Whether it looks for better plans of this task once it has found one.
     fn improves(&self, _task: &Task<'_>) -> bool {
         self.is_anytime()
+    }
+
+    /// What of a task keeps it from that.
+    fn never_improves(&self, _task: &Task<'_>) -> &[Feature] {
+        &[]
     }
 
     /// How to get the program.
@@ -286,6 +292,9 @@ impl<'a> PreparedPlanner<'a> {
             (ended, answer) = ask_again(&other, &sent, &ended);
             self.command = other;
         }
+        if planner.is_own() {
+            answer.message = spelled(&answer.message, task.domain.tree());
+        }
         if let Some(located) = answer.complaint.as_ref().and_then(|complaint| located(complaint, &sent, task)) {
             answer.message = located;
         }
@@ -309,6 +318,32 @@ pub(super) fn refuse(planner: &dyn Planner, task: &Task<'_>) -> Option<Diagnosti
     }
     let hint = "name another planner with --planner, or a larger build of this one in rmem.toml";
     Some(planner.sizes()?.exceeded(planner.name(), task)?.hint(hint))
+}
+
+/// A message whose actions and predicates, each behind a word that says what it is, are spelled as in the domain.
+fn spelled(message: &str, domain: &ast::Domain) -> String {
+    let actions = domain.actions.iter().map(|action| &action.name);
+    let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
+    let names: Vec<&str> =
+        actions.chain(domain.predicates.iter().map(|predicate| &predicate.name)).map(|name| name.as_str()).collect();
+    let mut is_name = false;
+    let words = message.split(' ').map(|word| {
+        let known = names.iter().find(|name| is_name && name.eq_ignore_ascii_case(word));
+        is_name = matches!(word, "action" | "predicate");
+        known.copied().unwrap_or(word)
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// What of a task keeps planners from looking for better plans, at its place.
+#[must_use]
+pub fn not_improved(planners: &[Box<dyn Planner>], task: &Task<'_>) -> Option<Diagnostic> {
+    let domain = task.domain.features().iter().map(|used| (used, task.domain.source()));
+    let mut uses = domain.chain(task.problem.features().iter().map(|used| (used, task.problem.source())));
+    let kept = |feature: &Feature| planners.iter().find(|planner| planner.never_improves(task).contains(feature));
+    let (used, source, planner) = uses.find_map(|(used, source)| Some((used, source, kept(&used.feature)?)))?;
+    let message = format!("{} cannot improve a plan of a temporal task with {}", planner.name(), used.feature);
+    Some(Diagnostic::new(source, used.span, message).hint("leave out --anytime").unsupported())
 }
 
 /// Whether a planner refuses its input where that has numbers.

@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::lineage::lineage;
 use super::{PlanRequest, PlanningError, PlanningTask};
 use crate::memory::Memory;
-use crate::pddl::Structure;
+use crate::pddl::{Feature, Structure};
 use crate::plan::{self, PrintedPlan, Record, Repository};
 use crate::planner::{Outcome, Race, Run};
 use crate::problem::names;
@@ -119,13 +119,19 @@ impl<'a> PlanResult<'a> {
         // Others may have used all of the time.
         let is_over = self.time < options.timeout.mul_f64(0.9);
         let rest = match is_over {
-            true if self.request.domain.is_temporal() => {
-                "; no better plan is looked for any more, but there may be one"
-            }
+            true if !self.is_searched_through() => "; no better plan is looked for any more, but there may be one",
             true => "; no better plan is looked for any more",
             false => ", the others went on",
         };
         is_told.then(|| Note::Info(format!("--anytime: {}{rest}", names.join(", "))))
+    }
+
+    /// Whether the task has neither time nor numbers nor preferences: of those, the built-in planner does not look at all plans.
+    fn is_searched_through(&self) -> bool {
+        const NOT: [Feature; 3] = [Feature::NumericFluents, Feature::Preferences, Feature::Constraints];
+        let domain = &self.request.domain;
+        let mut used = domain.features().iter().chain(self.task.problem.features());
+        !self.task.problem.is_timed(domain) && !used.any(|used| NOT.contains(&used.feature))
     }
 
     /// Stores the document with its lineage and returns its id. A search that was interrupted says nothing about

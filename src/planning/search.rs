@@ -5,9 +5,10 @@ use std::thread;
 use std::time::Instant;
 
 use super::{PlanRequest, PlanResult, PlanningError, PlanningTask};
+use crate::formats::Diagnostic;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::planner::{Host, Limits, Outcome, Planner, Portfolio, Task};
+use crate::planner::{Host, Limits, Outcome, Planner, Portfolio, Task, not_improved};
 use crate::process::NO_FILES;
 use crate::store::StoreError;
 
@@ -72,6 +73,13 @@ impl<'a> PreparedSearch<'a> {
     pub fn improves(&self) -> bool {
         let task = Task { domain: &self.request.domain, problem: &self.task.problem };
         self.request.planners.iter().any(|planner| planner.improves(&task))
+    }
+
+    /// What of the task keeps the planners from that, at its place, where it is that.
+    #[must_use]
+    pub fn not_improved(&self) -> Option<Diagnostic> {
+        let task = Task { domain: &self.request.domain, problem: &self.task.problem };
+        not_improved(&self.request.planners, &task)
     }
 
     /// Runs the planners until one of them has won, or the limits end them. A plan that was found is simulated; where

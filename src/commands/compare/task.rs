@@ -223,8 +223,8 @@ fn of_plan(source: &TaskSource, memory: &Memory) -> Result<(Domain, Problem)> {
 }
 
 fn read(domain: &Path, problem: &Path, context: &mut Context<'_>) -> Result<(Domain, Problem)> {
-    let input = Input::Problem(context.read(problem)?);
-    let source = TaskSource { domain: context.read(domain)?, input, lenient: false };
+    let input = Input::Problem(context.read_pddl(problem)?);
+    let source = TaskSource { domain: context.read_pddl(domain)?, input, lenient: false };
     let domain = source.read_domain()?;
     let text: &Source = source.input.text();
     let problem = Problem::read(text, &domain, Dialect::default()).map_err(Diagnostics)?;

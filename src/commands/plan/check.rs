@@ -35,7 +35,7 @@ pub struct CheckArgs {
 
 pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&[Format::Text, Format::Json])?;
-    let now = args.problem.as_deref().map(|path| context.read(path)).transpose()?;
+    let now = args.problem.as_deref().map(|path| context.read_pddl(path)).transpose()?;
     let memory = context.memory()?;
     let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
     if let Ok(source) = record.source()

@@ -45,6 +45,9 @@ pub(super) fn find_prepared<'a>(
     let prepared = prepared?;
     sections.warn(&request.domain, prepared.task(), context);
     if request.options.anytime && !prepared.improves() {
+        if let Some(refusal) = prepared.not_improved() {
+            return Err(refusal.into());
+        }
         let names: Vec<&str> = request.planners.iter().map(|planner| planner.name()).collect();
         let message = format!("{} cannot improve a plan of this task; leave out --anytime", names.join(", "));
         return Err(UsageError::new(message).into());

@@ -48,7 +48,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let is_json = context.format(&formats::TEXT)? == Format::Json;
     let source = source::read(&args.task, context)?;
     let domain = source.read_domain()?;
-    let file = context.read(&args.file)?;
+    let file = context.read_pddl(&args.file)?;
     let text = Source::new(file.name(), names::spell_plan(file.text()));
     let found = read_plan(&text)?;
     let is_printed = found.is_printed;

@@ -35,6 +35,7 @@ Examples:
 With --watch, rmem prints a plan and stays. \
 When a collection changes that the template queries, or that pipelines of its computables read, or a step of the plan is marked as done or failed, the remaining steps are simulated from the memory as it is then. \
 A plan that holds is kept; any other is replaced by a new one, stored and printed. \
+Where no problem can be made of the memory for a while, as where a document lacks a key, rmem says so once and waits for the next change; at the start, that is an error. \
 A step that is marked as started (plan step ID N --started) counts as begun: the check asks only for what it needs after its start. \
 An interruption ends the watch.";
 

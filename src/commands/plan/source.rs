@@ -39,13 +39,13 @@ pub(super) fn read(task: &TaskArgs, context: &mut Context<'_>) -> Result<TaskSou
             let (domain, request) = template::render_domain(&task.domain, &task.options, &memory, context)?;
             (domain, Some(request))
         }
-        false => (context.read(&task.domain)?, None),
+        false => (context.read_pddl(&task.domain)?, None),
     };
     if task.problem.is_some() {
         refuse_unused(&task.options, rendered.is_some())?;
     }
     let input = match (&task.problem, &task.template) {
-        (Some(path), _) => Input::Problem(context.read(path)?),
+        (Some(path), _) => Input::Problem(context.read_pddl(path)?),
         (None, Some(path)) => {
             let text = context.read(path)?;
             Input::Template(Box::new(template::request(text, &task.options, rendered.as_ref(), context)?))

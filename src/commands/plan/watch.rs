@@ -7,7 +7,7 @@ use super::source::SectionCounts;
 use crate::commands::{Context, UsageError, error};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::fault::Fault;
+use crate::fault::{AtFault as _, Fault};
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
 use crate::planning::{Monitor, PlanRequest, PlanState, PlanningError};
@@ -95,6 +95,7 @@ fn state(current: Option<&str>, plans: &Namespace, memory: &Memory, context: &mu
         Ok(PlanState::Gone(error)) => vec![error.to_string()],
         // What is wrong with the problem is said where it is planned for again.
         Err(PlanningError::Pddl { .. }) => Vec::new(),
+        Err(PlanningError::Problem(error)) if error.fault() == Fault::Input => Vec::new(),
         Err(error) => return Err(error.into()),
     };
     lines.iter().for_each(|line| context.output.note(line));

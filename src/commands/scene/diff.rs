@@ -7,7 +7,7 @@ use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, not_negative, read_file, sources};
 use crate::commands::formats::SCENE_DIFFERENCE;
-use crate::commands::{Context, UsageError, WrongInput};
+use crate::commands::{Context, UsageError, WrongInput, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::Diagnostic;
@@ -23,7 +23,8 @@ Examples:
   rmem scene diff before.scene after.scene
   rmem scene diff world.json robmem.objects --frame map --format moveit-msg
 
-A and B are scene files in any format, or collections of the memory. Prints a line for each operation
+A and B are scene files in any format, or collections of the memory: a name is a collection
+where there is no such file. Prints a line for each operation
 that leads from A to B: add, remove, move, attach, detach, reshape; with --format json one array, with moveit-msg one
 PlanningScene with is_diff. Exits with 0 where nothing differs, else with 1. What a file's format cannot
 express is not compared.";
@@ -92,8 +93,14 @@ fn print(
 /// The scene of a file; none where the name is that of a collection.
 fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> Result<Option<Side>> {
     let path = Path::new(name);
-    if name != "-" && !path.exists() && Namespace::parse(name).is_ok() && !has_extension(path) {
-        return Ok(None);
+    if let Some(namespace) = Namespace::parse(name).ok().filter(|_| name != "-" && !path.exists()) {
+        if !has_extension(path) {
+            return Ok(None);
+        }
+        if is_collection(&namespace, context) {
+            context.output.note(&format!("there is no file {name}; it is taken for a collection"));
+            return Ok(None);
+        }
     }
     match read_file(path, args.from.as_deref(), context)? {
         (Content::Scene(scene), spelling) => Ok(Some((scene, Some(spelling)))),
@@ -102,6 +109,12 @@ fn file(name: &str, args: &DiffArgs, context: &mut Context<'_>) -> Result<Option
         }
         (Content::Operations(..), _) => Err(WrongInput::new(format!("{name} has operations; expected a scene")).into()),
     }
+}
+
+/// Whether the memory has a collection; not where it cannot be asked.
+fn is_collection(namespace: &Namespace, context: &mut Context<'_>) -> bool {
+    let Ok(memory) = context.memory() else { return false };
+    missing::look(namespace, &memory, context).is_ok_and(|message| message.is_none())
 }
 
 /// Whether a name that is no file here looks like one.

@@ -5,22 +5,54 @@ use crate::formats::{Source, Span};
 
 /// The first part of another language of planning: its place, and what it is.
 #[must_use]
-pub fn other_language(source: &Source) -> Option<(Span, &'static str)> {
+pub fn other_language(source: &Source) -> Option<Foreign> {
+    const UNSURE: &str = "what actions do has to be certain and known";
+    const BY_ITSELF: &str = "what changes by itself may only be timed initial literals: `(at 5 (p))`";
     let mut tokens = Tokens::new(source.text(), 0);
     let mut is_first = false;
+    // The words since `(at`, where these are a time and then brackets.
+    let mut timed: Vec<Span> = Vec::new();
     while let Some(token) = tokens.next_token() {
         let Token::Word(span) = token else {
             is_first = matches!(token, Token::Open(_));
+            if !is_first {
+                timed.clear();
+            }
             continue;
         };
-        match source.slice(span).to_ascii_lowercase().as_str() {
-            "probabilistic" if is_first => return Some((span, "probabilistic effects")),
-            "oneof" if is_first => return Some((span, "nondeterministic effects")),
-            ":observe" => return Some((span, "sensing actions (`:observe`)")),
-            _ => is_first = false,
-        }
+        let word = source.slice(span).to_ascii_lowercase();
+        let (what, hint) = match word.as_str() {
+            "probabilistic" if is_first => ("probabilistic effects", UNSURE),
+            "oneof" if is_first => ("nondeterministic effects", UNSURE),
+            ":observe" => ("sensing actions (`:observe`)", UNSURE),
+            ":non-deterministic" => ("nondeterministic effects (`:non-deterministic`)", UNSURE),
+            ":process" if is_first => ("processes (`:process`)", BY_ITSELF),
+            ":event" if is_first => ("events (`:event`)", BY_ITSELF),
+            "=" if is_first && timed.len() == 2 => ("numbers that are set at a time (`(at 5 (= (f) 2))`)", BY_ITSELF),
+            _ => {
+                match timed.len() {
+                    _ if is_first && word == "at" => timed = vec![span],
+                    1 if !is_first && word.parse::<f64>().is_ok() => timed.push(span),
+                    _ => timed.clear(),
+                }
+                is_first = false;
+                continue;
+            }
+        };
+        return Some(Foreign { span, what, hint });
     }
     None
+}
+
+/// A part of another language of planning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Foreign {
+    /// Where it is.
+    pub span: Span,
+    /// What it is.
+    pub what: &'static str,
+    /// What takes its place here.
+    pub hint: &'static str,
 }
 
 /// The types whose dash has no blank behind it, as in `?r -robot`. In a text that was read, such a word is nothing else.

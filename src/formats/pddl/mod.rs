@@ -23,7 +23,7 @@ mod syntax;
 mod walk;
 mod write;
 
-pub use foreign::{other_language, tight_dashes};
+pub use foreign::{Foreign, other_language, tight_dashes};
 pub(crate) use init::RESERVED;
 pub use name_set::NameSet;
 pub(crate) use outline::{Token, Tokens};

@@ -1,7 +1,7 @@
 //! The run of a planner, whichever it is.
 
 use super::printed::{Dialect, dialect};
-use super::read::read_plan;
+use super::read::read_last_plan;
 use super::transcript::{Transcript, Verdict};
 use super::{behind, downward, ff, temporal};
 use crate::formats::Source;
@@ -31,7 +31,7 @@ pub fn filed(plans: &[Source]) -> Option<Transcript> {
 }
 
 fn file(source: &Source) -> Option<Transcript> {
-    let plan = read_plan(source).ok().filter(|plan| !plan.actions.is_empty() || plan.cost.is_some())?;
+    let plan = read_last_plan(source).ok().filter(|plan| !plan.actions.is_empty() || plan.cost.is_some())?;
     let mut transcript = Transcript::unclear();
     (transcript.verdict, transcript.actions, transcript.cost) = (Verdict::Plan, plan.actions, plan.cost);
     Some(transcript)
@@ -59,7 +59,7 @@ b (2.000 | 0.000)b (1.000 | 5.001);;;; Solution Found\n; States evaluated: 9\n; 
 
     #[test]
     fn the_last_plan_of_popf_is_taken() {
-        let plan = read_plan(&Source::new("out", POPF)).unwrap();
+        let plan = crate::formats::plan::read_plan(&Source::new("out", POPF)).unwrap();
         assert_eq!(plan.actions.iter().map(|action| action.name.as_str()).collect::<Vec<_>>(), ["fly"]);
         let run = read(&[], Some(0), POPF, "");
         assert_eq!((run.verdict, run.actions.len()), (Verdict::Plan, 1));

@@ -2,7 +2,7 @@
 
 use super::file::{PlanFile, Spelling, plan_file, wrong};
 use super::lines::{Line, SENTENCE, lines};
-use super::transcript::Transcript;
+use super::transcript::{Counted, Transcript};
 use super::{downward, ff, temporal};
 use crate::formats::{Diagnostic, Source};
 
@@ -29,7 +29,7 @@ pub(super) fn last(source: &Source, plan: PlanFile) -> Result<PlanFile, Diagnost
     let text = lines(source.text()).map(blank).collect::<Vec<_>>().join("\n");
     let skipped = source.text().len() - text.len();
     // The byte order mark, which is no part of the first line.
-    let behind = plan_file(&Source::new(source.name(), " ".repeat(skipped) + &text))?;
+    let behind = plan_file(&Source::new(source.name(), " ".repeat(skipped) + &text), Counted::Last)?;
     Ok(PlanFile { is_printed: true, ..behind })
 }
 

@@ -4,7 +4,7 @@ use pest::Parser as _;
 use pest::iterators::Pair;
 
 use super::lines::{Line, SENTENCE, complain, lines};
-use super::transcript::{Action, Complaint, Transcript, Verdict};
+use super::transcript::{Action, Complaint, Counted, Transcript, Verdict};
 use crate::formats::{Diagnostic, Source, Span};
 
 use grammar::{Grammar, Rule};
@@ -27,13 +27,14 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Takes a part of a line. What follows the cost of a plan is another plan, and so are steps of a plan file behind those of
-    /// a log, or the other way round.
-    fn take(&mut self, part: Pair<'_, Rule>, line: Line<'_>) {
+    /// Takes a part of a line. What follows the cost of a plan is another plan where the last one counts, and so are steps of a
+    /// plan file behind those of a log, or the other way round.
+    fn take(&mut self, part: Pair<'_, Rule>, line: Line<'_>, counted: Counted) {
         match part.as_rule() {
             Rule::step | Rule::logged => {
                 let is_logged = part.as_rule() == Rule::logged;
-                if self.cost.take().is_some() || self.is_logged != is_logged {
+                let is_behind = self.cost.take().is_some() && counted == Counted::Last;
+                if is_behind || self.is_logged != is_logged {
                     self.actions.clear();
                 }
                 self.is_logged = is_logged;
@@ -51,7 +52,7 @@ impl Steps {
 /// # Errors
 ///
 /// A line that is not steps and a comment, at its place.
-pub fn read_steps(source: &Source) -> Result<Steps, Diagnostic> {
+pub(super) fn read_steps(source: &Source, counted: Counted) -> Result<Steps, Diagnostic> {
     let mut steps = Steps::default();
     for line in lines(source.text()) {
         let parsed: Vec<Pair<'_, Rule>> = match Grammar::parse(Rule::line, line.text) {
@@ -61,7 +62,7 @@ pub fn read_steps(source: &Source) -> Result<Steps, Diagnostic> {
                 Err(_) => return Err(complain(source, line, &error, word)),
             },
         };
-        parsed.into_iter().for_each(|part| steps.take(part, line));
+        parsed.into_iter().for_each(|part| steps.take(part, line, counted));
     }
     Ok(steps)
 }
@@ -71,8 +72,8 @@ pub fn read_steps(source: &Source) -> Result<Steps, Diagnostic> {
 /// # Errors
 ///
 /// As [`read_steps`], and where the cost is missing.
-pub fn whole(source: &Source) -> Result<Steps, Diagnostic> {
-    let steps = read_steps(source)?;
+pub(super) fn whole(source: &Source) -> Result<Steps, Diagnostic> {
+    let steps = read_steps(source, Counted::Last)?;
     if steps.cost.is_none() {
         let end = Span::at(source.text().trim_end().len());
         return Err(Diagnostic::new(source, end, "expected `; cost = N (unit cost)`, found the end of the text")
@@ -191,7 +192,7 @@ fn logged(stdout: &str) -> Option<Steps> {
         let noted = Grammar::parse(Rule::logged, line.text).into_iter().flatten();
         for part in plain.chain(noted) {
             seen |= matches!(part.as_rule(), Rule::cost | Rule::step | Rule::logged);
-            steps.take(part, line);
+            steps.take(part, line, Counted::Last);
         }
     }
     seen.then_some(steps)
@@ -256,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_step_that_is_cut_off_is_an_error_at_its_place() {
-        let error = read_steps(&Source::new("plan", "(move r2 k l)\n(move r2 k")).unwrap_err();
+        let error = read_steps(&Source::new("plan", "(move r2 k l)\n(move r2 k"), Counted::All).unwrap_err();
         assert_eq!(error.position(), (2, 11));
         assert!(error.message().ends_with("found the end of the text"), "{error}");
     }

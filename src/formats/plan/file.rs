@@ -1,6 +1,6 @@
 //! Plan files, in whichever of the three spellings.
 
-use super::transcript::Action;
+use super::transcript::{Action, Counted};
 use super::{downward, ff, lines, temporal};
 use crate::formats::{Diagnostic, Source, Span};
 
@@ -29,15 +29,15 @@ pub struct PlanFile {
 }
 
 /// A text that is a plan file, or what FF prints.
-pub(super) fn plan_file(source: &Source) -> Result<PlanFile, Diagnostic> {
+pub(super) fn plan_file(source: &Source, counted: Counted) -> Result<PlanFile, Diagnostic> {
     match spelling(source.text()) {
         Spelling::Ff => read_ff(source),
         Spelling::Ipc => {
-            let steps = downward::read_steps(source)?;
+            let steps = downward::read_steps(source, counted)?;
             Ok(PlanFile { spelling: Spelling::Ipc, actions: steps.actions, cost: steps.cost, is_printed: false })
         }
         Spelling::Temporal => {
-            let actions = temporal::read_steps(source)?;
+            let actions = temporal::read_steps(source, counted)?;
             Ok(PlanFile { spelling: Spelling::Temporal, actions, cost: None, is_printed: false })
         }
     }

@@ -1,19 +1,33 @@
 //! A plan, in a file of its own or among what a planner printed.
 
 use super::file::{PlanFile, Spelling, plan_file};
-use super::transcript::{Transcript, Verdict};
+use super::printed::dialect;
+use super::transcript::{Counted, Transcript, Verdict};
 use super::{behind, ff};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// Reads a plan file; the first line that is not empty and not a comment shows how it
 /// is spelled. An empty file is the empty plan. The plan may have all the rest of a planner's
-/// output around it; of several plans, the last is taken.
+/// output around it: of several plans in that, the last is taken. In any other file all steps are one plan.
 ///
 /// # Errors
 ///
 /// What is not a step, at its place; output of a planner in which there is no plan.
 pub fn read_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
-    let plan = match plan_file(source) {
+    read(source, if dialect(source.text()).is_some() { Counted::Last } else { Counted::All })
+}
+
+/// Reads what a planner left or printed, of which the last plan is taken.
+///
+/// # Errors
+///
+/// As [`read_plan`].
+pub(super) fn read_last_plan(source: &Source) -> Result<PlanFile, Diagnostic> {
+    read(source, Counted::Last)
+}
+
+fn read(source: &Source, counted: Counted) -> Result<PlanFile, Diagnostic> {
+    let plan = match plan_file(source, counted) {
         // FF's plan with a line missing.
         Err(error) if source.text().lines().any(ff::is_found) => Err(error),
         Err(error) => printed(source).unwrap_or(Err(error)),
@@ -75,6 +89,23 @@ mod tests {
         for text in ["", "\n\n", "; cost = 0 (unit cost)\n"] {
             assert_eq!(read(text).actions, [], "{text:?}");
         }
+    }
+
+    #[test]
+    fn all_steps_of_a_plan_file_count() {
+        let names = |text: &str| read(text).actions.into_iter().map(|action| action.name).collect::<String>();
+        for (text, all) in [
+            ("; robot 1\n0: (b) [2]\n2.1: (b) [2]\n; robot 2\n0: (c) [1]\n", "bbc"),
+            ("0: (a) [2]\n2.1: (b) [2]\n\n0: (c) [1]\n", "abc"),
+            ("0: (a) [1]\n1: (b) [1]\n0: (a) [1]\n", "aba"),
+            ("; time of robot 1\n0: (a) [1]\n; time of robot 2\n0: (b) [1]\n", "ab"),
+            ("(a)\n; cost = 1 (unit cost)\n(b)\n", "ab"),
+            // The output of a planner has several plans.
+            ("; Plan found with metric 9\n0: (a) [2]\n\n; Plan found with metric 3\n0: (b) [1]\n", "b"),
+        ] {
+            assert_eq!(names(text), all, "{text}");
+        }
+        assert_eq!(read("(a)\n; cost = 1 (unit cost)\n(b)\n").cost, None);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use pest::Parser as _;
 use pest::iterators::{Pair, Pairs};
 
 use super::lines::{Line, SENTENCE, complain, lines};
-use super::transcript::{Action, Complaint, Transcript, Verdict};
+use super::transcript::{Action, Complaint, Counted, Transcript, Verdict};
 use crate::formats::{Diagnostic, Source, Span};
 
 use grammar::{Grammar, Rule};
@@ -17,13 +17,13 @@ mod grammar {
     pub(super) struct Grammar;
 }
 
-/// Reads a plan file with times. Of several plans in it the last is taken.
+/// Reads a plan file with times.
 ///
 /// # Errors
 ///
 /// A line that is not timed steps and a comment, at its place.
-pub fn read_steps(source: &Source) -> Result<Vec<Action>, Diagnostic> {
-    let mut plans = Plans::default();
+pub(super) fn read_steps(source: &Source, counted: Counted) -> Result<Vec<Action>, Diagnostic> {
+    let mut plans = Plans::new(counted);
     for line in lines(source.text()) {
         let parsed = Grammar::parse(Rule::line, line.text).map_err(|error| complain(source, line, &error, word))?;
         if let Some(span) = endless(parsed.clone(), line) {
@@ -48,7 +48,8 @@ fn endless(parsed: Pairs<'_, Rule>, line: Line<'_>) -> Option<Span> {
 #[must_use]
 pub fn read(plans: &[Source], stdout: &str, stderr: &str) -> Transcript {
     let mut transcript = remarks(stdout, stderr);
-    let filed = plans.iter().rev().find_map(|plan| read_steps(plan).ok().filter(|actions| !actions.is_empty()));
+    let filed =
+        plans.iter().rev().find_map(|plan| read_steps(plan, Counted::Last).ok().filter(|actions| !actions.is_empty()));
     if let Some(actions) = filed {
         return Transcript { verdict: Verdict::Plan, actions, message: String::new(), complaint: None, ..transcript };
     }
@@ -60,7 +61,7 @@ pub fn read(plans: &[Source], stdout: &str, stderr: &str) -> Transcript {
 
 fn remarks(stdout: &str, stderr: &str) -> Transcript {
     let mut transcript = Transcript::unclear();
-    let mut plans = Plans::default();
+    let mut plans = Plans::new(Counted::Last);
     let mut expected = false;
     for line in lines(stdout).chain(lines(stderr)).filter(|line| line.text.len() <= SENTENCE) {
         if std::mem::take(&mut expected) {
@@ -108,19 +109,23 @@ fn remark(transcript: &mut Transcript, text: &str) -> bool {
     false
 }
 
-/// The plans of a text, of which the last counts.
+/// The plans of a text, of which all steps count or those of the last one.
 ///
 /// A new plan starts where, after a gap, time goes back to the start of the plan so
 /// far: before it, or, after a sentence that announces a plan, to the same moment. It also starts where the first step
 /// comes again at its own time.
-#[derive(Default)]
 struct Plans {
+    counted: Counted,
     actions: Vec<Action>,
     gap: bool,
     announced: bool,
 }
 
 impl Plans {
+    fn new(counted: Counted) -> Self {
+        Self { counted, actions: Vec::new(), gap: false, announced: false }
+    }
+
     fn gap(&mut self, text: &str) {
         let heading = Grammar::parse(Rule::remark, text)
             .ok()
@@ -144,18 +149,23 @@ impl Plans {
     }
 
     fn push(&mut self, action: Action) {
+        if self.counted == Counted::Last && self.begins(&action) {
+            self.actions.clear();
+        }
+        (self.gap, self.announced) = (false, false);
+        self.actions.push(action);
+    }
+
+    /// Whether another plan begins with a step.
+    fn begins(&self, action: &Action) -> bool {
         let first = self.actions.first().and_then(|first| first.start).zip(action.start);
         let last = self.actions.last().and_then(|last| last.start).zip(action.start);
         let back = last.is_some_and(|(last, start)| start < last) && first.is_some_and(|(first, start)| start <= first);
         let again = self.announced && first.is_some_and(|(first, start)| start <= first);
         // Several steps of one action at one time are steps of one plan.
         let is_later = self.gap || last.is_some_and(|(last, start)| start < last);
-        let is_repeated = is_later && self.actions.first().is_some_and(|first| is_same(first, &action));
-        if self.gap && (back || again) || is_repeated {
-            self.actions.clear();
-        }
-        (self.gap, self.announced) = (false, false);
-        self.actions.push(action);
+        let is_repeated = is_later && self.actions.first().is_some_and(|first| is_same(first, action));
+        self.gap && (back || again) || is_repeated
     }
 }
 
@@ -247,9 +257,10 @@ mod tests {
 
     #[test]
     fn a_step_that_is_cut_off_is_an_error_at_its_place() {
-        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [5.000]\n5.002: (move r1")).unwrap_err();
+        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [5.000]\n5.002: (move r1"), Counted::All)
+            .unwrap_err();
         assert_eq!(error.position(), (2, 16));
-        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [five]")).unwrap_err();
+        let error = read_steps(&Source::new("plan", "0.001: (move r1 a b) [five]"), Counted::All).unwrap_err();
         assert_eq!(error.position(), (1, 23), "{error}");
     }
 }

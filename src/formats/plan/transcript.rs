@@ -2,6 +2,15 @@
 
 use std::fmt;
 
+/// Which steps of a text count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Counted {
+    /// All: it is one plan.
+    All,
+    /// Those of the last plan: planners print several, each better than the one before.
+    Last,
+}
+
 /// One action of a plan, as it is spelled in the text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Action {

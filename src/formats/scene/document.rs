@@ -231,6 +231,9 @@ fn number(document: &Document, key: &str) -> Result<f64, String> {
 /// Where the key has anything else.
 pub fn numbers<const N: usize>(document: &Document, key: &str) -> Result<[f64; N], String> {
     let wrong = || format!("its `{key}` is not {N} finite numbers");
+    if value(document, key).is_none() {
+        return Err(format!("has no `{key}`; expected {N} finite numbers"));
+    }
     let values = document.get_array(key).map_err(|_| wrong())?;
     if values.len() != N {
         return Err(wrong());
@@ -376,6 +379,7 @@ mod tests {
             (doc! { "translation": [1, 2] }, "its `translation` is not 3 finite numbers"),
             (doc! { "translation": [1, 2, f64::NAN] }, "its `translation` is not 3 finite numbers"),
             (doc! { "rotation": [0, 0, 0, 1.01] }, "expected a unit quaternion [x, y, z, w]"),
+            (doc! { "rotation": bson::Bson::Null }, "has no `rotation`; expected 4 finite numbers"),
             (doc! { "rotation": "up" }, "its `rotation` is not 4 finite numbers"),
             (
                 doc! { "geometry": { "type": "sphere", "radius": -1 } },

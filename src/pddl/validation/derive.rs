@@ -16,6 +16,12 @@ use super::stratum::predicates;
 use crate::pddl::model::Formula;
 use crate::pddl::types::TypeSet;
 
+/// The most facts that a rule may derive at once: what a state has to hold in memory.
+const MOST_FACTS: usize = 4_000_000;
+
+/// The most facts and objects that are tried for a rule, which takes seconds.
+const MOST_TRIED: u64 = 1_000_000_000;
+
 impl State<'_> {
     /// Makes sure that what the rules derive is there.
     pub(super) fn derive(&self) -> Result<(), EvaluationError> {
@@ -104,7 +110,7 @@ impl State<'_> {
         let kinds: Vec<&TypeSet> = rule.kinds.iter().collect();
         let mut bindings: Bindings = vec![UNBOUND; kinds.len()];
         let head: Vec<u32> = (0_u32..).take(kinds.len()).collect();
-        let join = Join::new(self, index, pivot);
+        let join = Join::new(self, index, pivot, MOST_TRIED);
         let mut fact = Vec::with_capacity(kinds.len() + 1);
         let mut emit = |bindings: &mut Bindings| {
             fact.clear();
@@ -112,6 +118,9 @@ impl State<'_> {
             fact.extend(bindings.iter().take(kinds.len()));
             let is_known = |facts: &HashSet<Ground>| facts.contains(fact.as_slice());
             if !self.derived.borrow().as_ref().is_some_and(is_known) && !is_known(news) {
+                if news.len() >= MOST_FACTS {
+                    return Err(self.too_many(rule.predicate, "facts", MOST_FACTS));
+                }
                 news.insert(fact.clone().into_boxed_slice());
             }
             Ok(false)
@@ -123,7 +132,15 @@ impl State<'_> {
                 if self.is_true(condition, bindings)? { emit(bindings) } else { Ok(false) }
             }),
         };
-        ended.map(drop)
+        match join.is_spent() {
+            true => Err(self.too_many(rule.predicate, "objects to be tried", MOST_TRIED)),
+            false => ended.map(drop),
+        }
+    }
+
+    fn too_many(&self, predicate: u32, what: &str, most: impl std::fmt::Display) -> EvaluationError {
+        let name = self.domain.vocabulary.predicates.get(predicate).map_or("", |predicate| predicate.name.as_str());
+        EvaluationError::Unchecked(format!("the derived predicate `{name}` has more than {most} {what}"))
     }
 }
 

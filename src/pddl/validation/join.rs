@@ -28,18 +28,18 @@ pub(super) struct Join<'j, 'a> {
     index: &'j Index,
     news: Option<News<'j>>,
     /// How many facts and objects may still be tried.
-    budget: Option<Cell<u64>>,
+    budget: Cell<u64>,
 }
 
 impl<'j, 'a> Join<'j, 'a> {
-    /// A join of all facts, or of the news with the others.
-    pub(super) fn new(state: &'j State<'a>, index: &'j Index, news: Option<News<'j>>) -> Self {
-        Self { state, index, news, budget: None }
+    /// A join of all facts, or of the news with the others, that gives up after so many facts and objects were tried.
+    pub(super) fn new(state: &'j State<'a>, index: &'j Index, news: Option<News<'j>>, budget: u64) -> Self {
+        Self { state, index, news, budget: Cell::new(budget) }
     }
 
-    /// A join that gives up after so many facts and objects were tried.
-    pub(super) fn bounded(state: &'j State<'a>, index: &'j Index, budget: u64) -> Self {
-        Self { state, index, news: None, budget: Some(Cell::new(budget)) }
+    /// Whether it gave up.
+    pub(super) fn is_spent(&self) -> bool {
+        self.budget.get() == 0
     }
 
     /// Values of the variables under which `formula` holds, those of `slots` among them.
@@ -62,13 +62,15 @@ impl<'j, 'a> Join<'j, 'a> {
     }
 
     fn spend(&self) -> Result<(), EvaluationError> {
-        let Some(budget) = &self.budget else { return Ok(()) };
-        match budget.get().checked_sub(1) {
-            Some(rest) => {
-                budget.set(rest);
+        match self.budget.get().checked_sub(1) {
+            Some(rest) if rest > 0 => {
+                self.budget.set(rest);
                 Ok(())
             }
-            None => Err(EvaluationError::Unchecked("too much was tried".to_owned())),
+            _ => {
+                self.budget.set(0);
+                Err(EvaluationError::Unchecked("too much was tried".to_owned()))
+            }
         }
     }
 

@@ -287,7 +287,7 @@ impl<'s> Scene<'s> {
         }
         let slots: Vec<u32> = (0_u32..).take(action.variables.len()).collect();
         let index = self.state.index_of(condition).ok()?;
-        let join = Join::bounded(self.state, &index, MAX_ATTEMPTS);
+        let join = Join::new(self.state, &index, None, MAX_ATTEMPTS);
         join.first(condition, &slots, &kinds, objects.clone()).ok().flatten()
     }
 

@@ -1,11 +1,12 @@
 //! A classical task, by the search of rmem's own.
 
-use ferroplan::types::{Domain, Problem};
+use ferroplan::types::{Domain, Expr, MetricDir, Problem};
 use ferroplan::{Plan, SolveError, Step};
 use rustix::process::{Resource, getrlimit};
 
 use super::convert::convert;
 use super::ff_output::NoPlan;
+use super::measure::Measure;
 use super::options::Options;
 use super::search::lifted::Lifted;
 use super::search::task::{OperatorId, Task};
@@ -29,8 +30,8 @@ pub(super) enum Message<'p> {
 }
 
 /// How far a grounding is, in words.
-pub(super) fn grounding(action: &str, instances: usize) -> String {
-    format!("grounding: the action {action} has {instances} instances so far")
+pub(super) fn grounding(of: &str, instances: usize) -> String {
+    format!("grounding: {of} has {instances} instances so far")
 }
 
 /// What becomes of a task.
@@ -56,6 +57,13 @@ pub(super) fn plan(
     options: Options,
     send: &mut dyn FnMut(Message<'_>),
 ) -> Result<Answer, SolveError> {
+    if let Some(lifted) = weighted(domain, problem) {
+        let answer = search(&lifted, memory(), options, send);
+        options.free(lifted);
+        if !matches!(answer, Ok(Answer::Declined)) {
+            return answer;
+        }
+    }
     match convert(domain, problem) {
         Ok(lifted) => {
             let answer = search(&lifted, memory(), options, send);
@@ -64,6 +72,17 @@ pub(super) fn plan(
         }
         Err(_) => Ok(Answer::Declined),
     }
+}
+
+/// The task with costs that stand for its metric, where that is a weighted sum and not a single number already.
+fn weighted(domain: &Domain, problem: &Problem) -> Option<Lifted> {
+    if matches!(&problem.metric, Some((MetricDir::Minimize, Expr::Fluent(_, terms))) if terms.is_empty()) {
+        return None;
+    }
+    let measure = Measure::new(domain, problem).filter(|measure| measure.rate == 0.0)?;
+    let (mut domain, mut problem) = (domain.clone(), problem.clone());
+    measure.apply(&mut domain, &mut problem);
+    convert(&domain, &problem).ok()
 }
 
 fn search(
@@ -81,10 +100,14 @@ fn search(
         Err(Refusal::Circular) => {
             return Err(SolveError::Derived("a derived predicate depends on its own negation".to_owned()));
         }
-        Err(Refusal::Explosion { action, instances }) => {
-            return Ok(Answer::None(NoPlan::Full(format!("the action {action} has more than {instances} instances"))));
+        Err(Refusal::Explosion { of, instances }) => {
+            return Ok(Answer::None(NoPlan::Full(format!("{of} has more than {instances} instances"))));
         }
     };
+    // The search knows no gains: it goes without the metric then.
+    if task.is_weighted && task.has_gains() {
+        return Ok(Answer::Declined);
+    }
     if lifted.has_numbers || task.numbers.count > 0 {
         return Ok(match numeric(&task, memory, NUMERIC_WORK, options, send) {
             Numeric::Solved => Answer::Solved,
@@ -189,7 +212,8 @@ fn report(task: &Task, plan: &[OperatorId]) -> Plan {
         Step { index, action: words.next().unwrap_or_default(), args: words.collect(), time: None, duration: None }
     };
     let steps = plan.iter().enumerate().map(step).collect();
-    Plan { length: plan.len(), steps, metric: task.has_costs.then(|| task.cost(plan)), makespan: None }
+    let metric = (task.has_costs && !task.is_weighted).then(|| task.cost(plan));
+    Plan { length: plan.len(), steps, metric, makespan: None }
 }
 
 #[cfg(test)]
@@ -427,8 +451,8 @@ mod tests {
         );
         let task = lifted(domain, &problem).unwrap();
         match ground(&task, 1 << 20, &mut |_, _| {}) {
-            Err(Refusal::Explosion { action, instances }) => {
-                assert!(action == "CONNECT" && instances > 1000, "{instances}")
+            Err(Refusal::Explosion { of, instances }) => {
+                assert!(of == "the action CONNECT" && instances > 1000, "{instances}")
             }
             other => panic!("{other:?}"),
         }

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use ferroplan::types::{self as pddl, AssignOp, CompOp, Domain, Expr, Formula, MetricDir, Problem};
 
 use super::compared;
+use super::measure::COST;
 use super::search::lifted::{Amount, Atom, Axiom, Condition, Effect, Lifted, NumericEffect, Object, Schema, Term};
 use super::search::number::{Change, Comparator};
 
@@ -23,6 +24,7 @@ pub fn convert(domain: &Domain, problem: &Problem) -> Result<Lifted, String> {
     let names = Names::new(domain, problem);
     let mut task = Lifted { types: names.types(domain, problem), ..Lifted::default() };
     task.has_costs = names.metric.is_some();
+    task.is_weighted = names.metric.as_deref() == Some(COST);
     task.has_numbers = !names.compared.is_empty();
     task.objects = names.all.clone();
     task.predicates = names.predicates.clone();

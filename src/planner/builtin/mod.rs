@@ -15,6 +15,7 @@ mod compared;
 pub mod convert;
 mod ff_output;
 mod judge;
+mod measure;
 mod options;
 mod portfolio;
 mod proof;
@@ -42,13 +43,14 @@ pub use solver::{child, solve};
 const VERSION: &str = "ferroplan 0.30.0";
 
 /// What ferroplan does not read, or refuses.
-const LACKS: [Feature; 6] = [
+const LACKS: [Feature; 7] = [
     Feature::ObjectFluents,
     Feature::ContinuousEffects,
     Feature::ActionVariables,
     Feature::DurationsAtEnd,
     Feature::TimedConditionalEffects,
     Feature::TimedPreferences,
+    Feature::TimedDerivedPredicates,
 ];
 
 /// What only ferroplan can handle in a temporal task.
@@ -146,6 +148,10 @@ impl Planner for Builtin {
             }
             _ => answer,
         }
+    }
+
+    fn never_improves(&self, task: &Task<'_>) -> &[Feature] {
+        if task.domain.is_temporal() { &FERROPLAN_ONLY } else { &[] }
     }
 
     /// Plans with times are improved where the search of rmem's own makes them; ferroplan makes one plan.

@@ -89,8 +89,32 @@ fn an_action_with_too_many_instances_for_the_memory_is_named() {
         let limits = ["--memory-limit", "300M", "--timeout", "120s", "--no-store"];
         let run = lab.rmem(&[&["plan", "-d", "d.pddl", "-p", "p.pddl"], &limits[..]].concat());
         assert_eq!(run.code, 22, "{}", run.stderr);
-        assert!(run.stderr.contains("the action CONNECT has "), "{}", run.stderr);
+        assert!(run.stderr.contains("the action connect has "), "{}", run.stderr);
         assert!(run.stderr.contains("its limit was 300 MiB"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn what_explodes_is_named_in_the_domains_spelling_where_it_is_no_action() {
+    let lab = Lab::new();
+    let objects: Vec<String> = (0..40).map(|number| format!("o{number}")).collect();
+    let derived = "(:derived (Near ?a ?b ?c ?d ?e ?f) (and (not (e ?a ?b)) (not (e ?c ?d)) (not (e ?e ?f))))
+        (:action huge :parameters (?a) :precondition (exists (?b ?c ?d ?e ?f) (Near ?a ?b ?c ?d ?e ?f)) :effect (done))";
+    let effect = "(:action Huge :parameters (?a) :precondition (and)
+        :effect (and (done) (forall (?b ?c ?d ?e ?f) (when (not (e ?b ?c)) (Near ?a ?b ?c ?d ?e ?f)))))";
+    let problem = format!("(define (problem p) (:domain d) (:objects {}) (:init) (:goal (done)))", objects.join(" "));
+    lab.write("p.pddl", &problem);
+    for (actions, named) in
+        [(derived, "the derived predicate Near has "), (effect, "`forall` in an effect of the action Huge has ")]
+    {
+        let predicates = "(:predicates (Near ?a ?b ?c ?d ?e ?f) (done) (e ?a ?b))";
+        lab.write(
+            "d.pddl",
+            &format!("(define (domain d) (:requirements :adl :derived-predicates) {predicates} {actions})"),
+        );
+        let limits = ["--memory-limit", "300M", "--timeout", "120s", "--no-store"];
+        let run = lab.rmem(&[&["plan", "-d", "d.pddl", "-p", "p.pddl"], &limits[..]].concat()).exits(22);
+        assert!(run.stderr.contains(named) && run.stderr.contains(" instances"), "{run}");
     }
 }
 

@@ -289,6 +289,66 @@ fn what_a_planner_cannot_do_is_34_before_it_runs() {
     lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(0);
 }
 
+#[test]
+fn what_no_planner_can_do_of_a_task_is_refused_at_its_line_before_the_run() {
+    let lab = Lab::new();
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:requirements :strips :action-costs) (:predicates (q)) (:functions (total-cost))
+  (:action go :parameters () :precondition () :effect (and (q) (increase (total-cost) 1))))",
+    );
+    let problem = |metric: &str| {
+        format!("(define (problem p) (:domain d) (:init (= (total-cost) 0)) (:goal (q))\n  (:metric {metric}))")
+    };
+    for metric in ["minimize (* 2 (total-cost))", "maximize (total-cost)"] {
+        lab.write("p.pddl", &problem(metric));
+        let run = lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--planner", "fast-downward"]).exits(34);
+        let place = "p.pddl:2:3: the planner `fast-downward` cannot handle a metric other than `minimize (total-cost)`";
+        assert!(run.stderr.contains(place), "{run}");
+        lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl"]).exits(0);
+    }
+    lab.write(
+        "t.pddl",
+        "(define (domain t) (:requirements :durative-actions :derived-predicates) (:predicates (P) (Ready) (g))
+  (:derived (Ready) (P))
+  (:durative-action d :parameters () :duration (= ?duration 3) :condition (over all (Ready)) :effect (at end (g)))
+  (:durative-action e :parameters () :duration (= ?duration 5) :condition () :effect (at start (P))))",
+    );
+    lab.write("u.pddl", "(define (problem u) (:domain t) (:init) (:goal (g)))");
+    let run = lab.rmem(&["plan", "-d", "t.pddl", "-p", "u.pddl"]).exits(34);
+    let words = "cannot handle derived predicates over facts that actions change, beside durative actions";
+    assert!(run.stderr.contains("t.pddl:2:") && run.stderr.contains(words), "{run}");
+}
+
+#[test]
+fn an_action_of_any_duration_is_planned_for() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :durative-actions) (:predicates (p) (q))
+      (:durative-action a :parameters () :duration () :condition () :effect (at end (p)))
+      (:durative-action b :parameters () :duration (and) :condition (at start (p)) :effect (at end (q))))";
+    lab.write("d.pddl", domain);
+    lab.write("p.pddl", "(define (problem x) (:domain d) (:init) (:goal (q)))");
+    let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+    lab.write("plan", &run.stdout);
+    lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).exits(0);
+}
+
+#[test]
+fn a_timed_fact_is_waited_for_also_where_no_action_takes_time() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :timed-initial-literals) (:predicates (p) (g) (q))
+      (:action a :parameters () :precondition (and (p) (q)) :effect (g))
+      (:action b :parameters () :precondition (and) :effect (q)))";
+    lab.write("d.pddl", domain);
+    for timed in ["(at 10 (p))", "(at 10 (p)) (at 15 (not (p)))"] {
+        lab.write("p.pddl", &format!("(define (problem x) (:domain d) (:init {timed}) (:goal (g)))"));
+        let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+        assert!(run.stdout.starts_with("0.000: (b)") && run.stdout.contains("\n10.001: (a)"), "{run}");
+        lab.write("plan", &run.stdout);
+        lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).exits(0);
+    }
+}
+
 /// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
 fn tasks() -> Vec<(String, Vec<i32>)> {
     let table = std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/README.md")).unwrap();

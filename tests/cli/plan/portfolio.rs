@@ -111,7 +111,7 @@ fn what_a_configured_planner_lacks_is_refused_with_the_line() {
     lab.write("rmem.toml", &modest("'numbers'"));
     assert_run!(lab.rmem(&[&task[..], &["--planner", "modest"]].concat()), @r"
     ------- stderr -------
-    error: $LAB/rmem.toml:4:10: `numbers` is no feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers
+    error: $LAB/rmem.toml:4:10: `numbers` is no feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers, other-metrics
       |
     4 | lacks = ['numbers']
       |          ^^^^^^^^^
@@ -354,8 +354,12 @@ fn anytime_is_refused_where_no_planner_improves_its_plan() {
     let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"];
     assert_run!(lab.rmem(&[&words[..], &["--anytime"]].concat()), @r"
     ------- stderr -------
-    error: builtin cannot improve a plan of this task; leave out --anytime
-    [exit code: 2]
+    error: p.pddl:1:61: builtin cannot improve a plan of a temporal task with preferences
+      |
+    1 | (define (problem p) (:domain d) (:init) (:goal (and (there) (preference away (not (there))))))
+      |                                                             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: leave out --anytime
+    [exit code: 34]
     ");
     let found = lab.rmem(&words).success();
     assert!(found.contains("(go)"), "{found}");
@@ -569,6 +573,69 @@ fn that_no_better_plan_is_looked_for_is_said_only_where_no_planner_goes_on() {
         both.stderr.contains("--anytime: good ended after") && both.stderr.contains("the others went on"),
         "{both}"
     );
+}
+
+/// A road of one step and one of two, which is cheaper in each unit.
+fn roads(lab: &Lab, metric: &str) -> Finished {
+    let domain = "(define (domain roads) (:requirements :typing :numeric-fluents) (:types place)
+      (:predicates (at ?p - place) (road ?a ?b - place))
+      (:functions (length ?a ?b - place) (total-cost) (wear) (left ?a - place) (fuel))
+      (:action go :parameters (?a ?b - place) :precondition (and (at ?a) (road ?a ?b)) :effect (and (not (at ?a)) (at ?b)
+        (increase (total-cost) (length ?a ?b)) (increase (wear) 3) (increase (left ?a) (length ?a ?b))
+        (decrease (fuel) (length ?a ?b)))))";
+    lab.write("d.pddl", domain);
+    let problem = format!(
+        "(define (problem p) (:domain roads) (:objects a b c - place) (:init (at a) (road a b) (road b c) (road a c)
+          (= (length a b) 1) (= (length b c) 1) (= (length a c) 20) (= (total-cost) 0) (= (wear) 0) (= (fuel) 50)
+          (= (left a) 0) (= (left b) 0)) (:goal (at c)) (:metric {metric}))"
+    );
+    lab.write("p.pddl", &problem);
+    lab.rmem(&["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "20s"]).exits(0)
+}
+
+#[test]
+fn a_metric_that_is_a_weighted_sum_is_improved() {
+    let lab = Lab::new();
+    for (metric, cost) in [
+        ("minimize (* 2 (total-cost))", "4"),
+        ("minimize (+ (total-cost) 1)", "3"),
+        ("minimize (+ (total-cost) (wear))", "8"),
+        ("minimize (/ (wear) 2)", "1.5"),
+        ("minimize (+ (* 3 (left a)) (left b))", "4"),
+        ("minimize (- (total-cost) (fuel))", "-46"),
+        ("maximize (fuel)", "48"),
+        ("maximize (- (fuel) (* 20 (wear)))", "-30"),
+    ] {
+        let run = roads(&lab, metric);
+        assert!(run.stdout.contains(&format!("; cost = {cost} (general cost)")), "{metric} {run}");
+    }
+    // What only grows cannot be kept small by a plan that is to make it great.
+    let run = roads(&lab, "maximize (wear)");
+    assert!(run.stderr.contains("no better plan is looked for any more, but there may be one"), "{run}");
+}
+
+#[test]
+fn a_metric_of_time_and_numbers_is_improved() {
+    let lab = Lab::new();
+    let domain =
+        "(define (domain ways) (:requirements :durative-actions :numeric-fluents) (:predicates (g)) (:functions (k))
+      (:durative-action fast :parameters () :duration (= ?duration 1) :condition ()
+        :effect (and (at end (increase (k) 10)) (at end (g))))
+      (:durative-action slow :parameters () :duration (= ?duration 20) :condition ()
+        :effect (and (at end (increase (k) 1)) (at end (g)))))";
+    lab.write("d.pddl", domain);
+    for (metric, step) in [
+        ("(k)", "(slow)"),
+        ("(+ (total-time) (* 5 (k)))", "(slow)"),
+        ("(+ (* 5 (total-time)) (k))", "(fast)"),
+        ("(total-time)", "(fast)"),
+    ] {
+        let problem = "(define (problem p) (:domain ways) (:init (= (k) 0)) (:goal (g))";
+        lab.write("p.pddl", &format!("{problem} (:metric minimize {metric}))"));
+        let words = ["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store", "--anytime", "--timeout", "20s"];
+        let run = lab.rmem(&words).exits(0);
+        assert!(run.stdout.contains(step), "{metric} {run}");
+    }
 }
 
 #[test]

@@ -188,6 +188,19 @@ fn a_watch_waits_for_a_world_in_which_there_is_a_plan() {
 }
 
 #[test]
+fn a_watch_waits_where_the_template_cannot_be_rendered_for_a_while() {
+    let lab = Lab::new();
+    lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();
+    let watcher = Watcher::new(&lab);
+    watcher.plan();
+    lab.rmem(&["insert", "robmem.worldmodel", "{_id: 'half', relation: 'on-table'}"]).success();
+    watcher.messages_until("no plan: ");
+    lab.rmem(&["delete", "robmem.worldmodel", "{_id: 'half'}"]).success();
+    watcher.plan();
+    assert_eq!(watcher.interrupt(), 130);
+}
+
+#[test]
 fn a_watch_ends_where_nobody_reads_its_plans() {
     let lab = Lab::new();
     lab.rmem(&["count", "robmem.worldmodel", TASK[0], TASK[1]]).success();

@@ -133,6 +133,25 @@ fn frames_that_are_not_turned_by_a_unit_quaternion_are_refused() {
 }
 
 #[test]
+fn a_collection_whose_name_ends_like_a_file_is_compared_where_there_is_no_such_file() {
+    let kitchen = Kitchen::new();
+    let cup = "{name: 'cup', frame: 'map', translation: [0, 0, 1], rotation: [0, 0, 0, 1], geometry: {type: 'sphere', radius: 1}}";
+    kitchen.rmem(&["insert", "robmem.scene", cup]).success();
+    kitchen.rmem(&["scene", "export", "robmem.scene", "--frame", "map", "--format", "json", "-o", "s.json"]).success();
+    let same = kitchen.rmem(&["scene", "diff", "s.json", "robmem.scene", "--frame", "map"]).exits(0);
+    assert!(same.stderr.contains("there is no file robmem.scene; it is taken for a collection"), "{same}");
+    // A file of that name is the file.
+    kitchen.lab.write("robmem.scene", "nothing");
+    let file = kitchen.rmem(&["scene", "diff", "s.json", "robmem.scene", "--frame", "map"]).exits(3);
+    assert!(file.stderr.contains("robmem.scene:1:1"), "{file}");
+    let typo = kitchen.rmem(&["scene", "diff", "s.json", "befor.scene", "--frame", "map"]).exits(3);
+    assert!(typo.stderr.contains("cannot read befor.scene"), "{typo}");
+    kitchen.rmem(&["insert", "robmem.half", "{name: 'cup', frame: 'map', translation: [0, 0, 1]}"]).success();
+    let half = kitchen.rmem(&["scene", "export", "robmem.half", "--frame", "map"]).exits(3);
+    assert!(half.stderr.contains("has no `rotation`; expected 4 finite numbers"), "{half}");
+}
+
+#[test]
 fn a_file_that_looks_like_no_scene_is_not_taken_for_one() {
     let lab = Lab::new();
     lab.write("world.yaml", "objects:\n  - name: cup\n");

@@ -3,7 +3,10 @@
 //! PDDL lets `and`, `forall` and `when` stand around `at start`, `over all` and `at end`. What names no moment is asked at
 //! the start and happens at the end.
 
-use crate::formats::pddl::ast::{Condition, ConditionKind, Domain, DurativeAction, Effect, EffectKind, Moment, Typed};
+use crate::formats::pddl::ast::{
+    Comparator, Condition, ConditionKind, Domain, DurativeAction, Effect, EffectKind, Expression, Moment, Name, Place,
+    Term, Typed,
+};
 
 /// The domain with simple durative actions; nothing where they are that already.
 pub(super) fn simple(domain: &Domain) -> Option<Domain> {
@@ -13,7 +16,9 @@ pub(super) fn simple(domain: &Domain) -> Option<Domain> {
     let mut domain = domain.clone();
     for action in &mut domain.durative_actions {
         if let Some(duration) = &mut action.duration {
-            *duration = Condition { kind: ConditionKind::And(comparisons(duration)), place: duration.place };
+            let comparisons = comparisons(duration);
+            let comparisons = if comparisons.is_empty() { vec![any_duration(duration.place)] } else { comparisons };
+            *duration = Condition { kind: ConditionKind::And(comparisons), place: duration.place };
         }
         if let Some(condition) = &mut action.condition {
             let parts = asked(condition).into_iter().map(|(moment, part)| {
@@ -41,7 +46,7 @@ fn is_simple(action: &DurativeAction) -> bool {
         ConditionKind::And(parts) => parts.iter().all(is_one),
         _ => is_one(condition),
     };
-    action.duration.as_ref().is_none_or(|duration| all(duration, &is_compared))
+    action.duration.as_ref().is_none_or(|duration| all(duration, &is_compared) && !comparisons(duration).is_empty())
         && action.condition.as_ref().is_none_or(|condition| all(condition, &is_asked))
         && action.effect.as_ref().is_none_or(|effect| match &effect.kind {
             EffectKind::And(parts) => parts.iter().all(is_done),
@@ -56,6 +61,14 @@ fn comparisons(duration: &Condition) -> Vec<Condition> {
         ConditionKind::Timed(Moment::Start, inner) => comparisons(inner),
         _ => vec![duration.clone()],
     }
+}
+
+/// What holds of every duration, where nothing is said of it.
+fn any_duration(place: Place) -> Condition {
+    let duration = Expression::Term(Term::Variable(Name::new("?duration", place.0)));
+    let kind =
+        ConditionKind::Comparison(Comparator::AtLeast, Box::new(duration), Box::new(Expression::Number(0.0, place)));
+    Condition { kind, place }
 }
 
 /// What is asked, one by one, and when.

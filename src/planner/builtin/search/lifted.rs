@@ -149,6 +149,8 @@ pub struct Lifted {
     pub goal_slots: Vec<usize>,
     /// Whether plans are measured by the cost of their actions, not by their number.
     pub has_costs: bool,
+    /// Whether costs stand for a metric that is more than their sum.
+    pub is_weighted: bool,
     /// Whether operators that do the same are kept, not only the cheapest: where they overlap in time, it matters what each
     /// occupies.
     pub keeps_equals: bool,

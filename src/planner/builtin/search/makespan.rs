@@ -58,6 +58,17 @@ pub struct Timing {
     pub unit: u64,
     /// The least time between two operators of which one changes what the other touches.
     pub gap: u64,
+    /// By what plans are measured, where that is not their end.
+    pub prices: Option<Prices>,
+}
+
+/// What time and operators cost, in one unit.
+#[derive(Debug, Clone)]
+pub struct Prices {
+    /// What a unit of time costs.
+    pub time: u64,
+    /// What each operator costs.
+    pub operators: Vec<u64>,
 }
 
 /// From when each resource is free of what reads and of what writes it.
@@ -69,11 +80,13 @@ struct Times {
     /// on the way to a state, and many in a task.
     again: Vec<(OperatorId, u64)>,
     end: u64,
+    /// What the operators cost.
+    price: u64,
 }
 
 impl Timing {
     fn begin(&self) -> Times {
-        Times { read: vec![0; self.resources], written: vec![0; self.resources], again: Vec::new(), end: 0 }
+        Times { read: vec![0; self.resources], written: vec![0; self.resources], again: Vec::new(), end: 0, price: 0 }
     }
 
     /// Adds an operator as early as it may start; returns when that is, or `None` where it is too late for it.
@@ -104,6 +117,8 @@ impl Timing {
         // What takes no time happens all the same: at the end, it was.
         let end = start + self.durations[number].max(1);
         times.end = end.max(times.end);
+        let price = self.prices.as_ref().and_then(|prices| prices.operators.get(number));
+        times.price = times.price.saturating_add(price.copied().unwrap_or(0));
         Some(start)
     }
 
@@ -113,6 +128,29 @@ impl Timing {
         let mut times = self.begin();
         let starts = plan.iter().map(|operator| self.add(&mut times, *operator)).collect::<Option<_>>()?;
         Some((starts, times.end))
+    }
+
+    /// Returns what a plan is measured by, of which less is better: its end, or what it costs; `None` where a step misses its
+    /// windows.
+    #[must_use]
+    pub fn measured(&self, plan: &[OperatorId]) -> Option<u64> {
+        let mut times = self.begin();
+        plan.iter().try_for_each(|operator| self.add(&mut times, *operator).map(drop))?;
+        Some(self.value(&times))
+    }
+
+    /// What an operator adds to that by itself.
+    #[must_use]
+    pub fn worth(&self, operator: usize) -> u64 {
+        let duration = self.durations[operator];
+        self.prices
+            .as_ref()
+            .map_or(duration, |prices| duration.saturating_mul(prices.time).saturating_add(prices.operators[operator]))
+    }
+
+    fn value(&self, times: &Times) -> u64 {
+        let price = |prices: &Prices| times.end.saturating_mul(prices.time).saturating_add(times.price);
+        self.prices.as_ref().map_or(times.end, price)
     }
 }
 
@@ -125,8 +163,8 @@ pub struct WorkLimits {
     pub better: u64,
 }
 
-/// Looks for plans that end before `known`, the end of one that is known, and says each. Costs of operators, and one more,
-/// are their durations in [`Timing::unit`]s.
+/// Looks for plans that are better than `known`, the value of one that is known ([`Timing::measured`]), and says each. Costs
+/// of operators, and one more, are what they are worth in [`Timing::unit`]s.
 pub fn hasten(
     task: &Task,
     timing: &Timing,
@@ -217,7 +255,7 @@ impl<'a> Search<'a> {
             if self.relaxed.work > limit {
                 return false;
             }
-            if self.nodes[id as usize].times.end >= *best {
+            if self.timing.value(&self.nodes[id as usize].times) >= *best {
                 continue;
             }
             self.space.state(id, &mut state);
@@ -230,13 +268,13 @@ impl<'a> Search<'a> {
             self.relaxed.work += (applicable.len() * 8) as u64;
             for operator in &applicable {
                 let mut times = self.nodes[id as usize].times.clone();
-                if self.timing.add(&mut times, *operator).is_none() || times.end >= *best {
+                if self.timing.add(&mut times, *operator).is_none() || self.timing.value(&times) >= *best {
                     continue;
                 }
                 next.copy_from_slice(&state);
                 apply(task, &mut self.axioms, &task.operators[*operator as usize], &mut next);
-                if let Some(end) = self.reach(id, *operator, &next, times, *best, found) {
-                    *best = end;
+                if let Some(value) = self.reach(id, *operator, &next, times, *best, found) {
+                    *best = value;
                 }
             }
         }
@@ -253,7 +291,7 @@ impl<'a> Search<'a> {
         Some((id, is_first != turn.is_multiple_of(TURNS)))
     }
 
-    /// Adds a state, or a better way to it; returns the end of a plan where it is a goal.
+    /// Adds a state, or a better way to it; returns the value of a plan where it is a goal.
     fn reach(
         &mut self,
         parent: StateId,
@@ -264,13 +302,13 @@ impl<'a> Search<'a> {
         found: &mut dyn FnMut(&[OperatorId]),
     ) -> Option<u64> {
         let (id, is_new) = self.space.insert(state, parent, operator);
-        let end = times.end;
+        let value = self.timing.value(&times);
         if is_new {
             let left = self.relaxed.estimate(state, &self.task.goal).value;
             self.nodes.push(Node { times, left });
         } else {
             let node = &mut self.nodes[id as usize];
-            let rank = |times: &Times| (times.end, times.written.iter().sum::<u64>());
+            let rank = |times: &Times| (self.timing.value(times), times.written.iter().sum::<u64>());
             if rank(&times) >= rank(&node.times) {
                 return None;
             }
@@ -278,18 +316,18 @@ impl<'a> Search<'a> {
             self.space.set_parent(id, parent, operator);
         }
         if holds(self.task, state, &self.task.goal) {
-            // The way to a state may have become a better one since: what counts is when the plan ends.
+            // The way to a state may have become a better one since: what counts is the plan.
             let plan = self.space.plan(id);
-            let end = self.timing.schedule(&plan).map(|(_, end)| end).filter(|end| *end < best);
-            if let Some(end) = end {
+            let value = self.timing.measured(&plan).filter(|value| *value < best);
+            if value.is_some() {
                 found(&plan);
-                return Some(end);
             }
-            return None;
+            return value;
         }
         if let Some(left) = self.nodes[id as usize].left {
             self.count += 1;
-            let key = end * 4 + self.weight * self.timing.unit * u64::from(left);
+            let left = (self.weight * self.timing.unit).saturating_mul(u64::from(left));
+            let key = value.saturating_mul(4).saturating_add(left);
             self.queues.iter_mut().for_each(|queue| queue.push(Reverse((key, self.count, id))));
         }
         None

@@ -74,6 +74,8 @@ pub struct Task {
     pub words: Vec<String>,
     /// Whether plans are measured by their costs.
     pub has_costs: bool,
+    /// Whether costs stand for a metric that is more than their sum.
+    pub is_weighted: bool,
     /// Numeric variables and what compares them.
     pub numbers: Numbers,
 }
@@ -112,6 +114,11 @@ impl Task {
     /// Returns an operator's name and arguments.
     pub fn name(&self, operator: OperatorId) -> impl Iterator<Item = &str> {
         self.operators[operator as usize].name.iter().map(|word| self.words[*word as usize].as_str())
+    }
+
+    /// Whether an operator costs less than nothing, or what cannot be computed.
+    pub fn has_gains(&self) -> bool {
+        self.operators.iter().any(|operator| operator.cost.is_nan() || operator.cost < 0.0)
     }
 
     /// Returns the sum of the costs of a plan.

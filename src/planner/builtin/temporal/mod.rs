@@ -25,13 +25,20 @@ use super::classical::{self, Message, NUMERIC_WORK, Numeric};
 use super::compared;
 use super::convert::convert;
 use super::ff_output::NoPlan;
+use super::measure::Measure;
 use super::options::Options;
-use super::search::makespan::{Timing, WorkLimits, hasten};
+use super::search::makespan::{Prices, Timing, WorkLimits, hasten};
 use super::search::task::{OperatorId, Task};
 use super::search::{End, Event, Ground, Improvement, Settings, ground, solve};
 
 /// The length of the longest action in estimates.
 const FINENESS: u64 = 16;
+
+/// A unit of the metric has so many parts.
+const FRACTIONS: f64 = 1_000_000.0;
+
+/// The most that an action may cost.
+const MOST: f64 = 1e6;
 
 /// The work for a plan, after which ferroplan has its turn.
 const WORK: u64 = 2_000_000_000;
@@ -47,26 +54,34 @@ pub(super) fn plan(
     memory: usize,
     send: &mut dyn FnMut(Message<'_>),
 ) -> bool {
-    if domain.durative_actions.is_empty() || !domain.derived.is_empty() {
+    if domain.durative_actions.is_empty() && problem.til.is_empty() || !domain.derived.is_empty() {
         return false;
     }
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let compared = compared::functions(&joined(domain), problem);
     let flat = compressed(domain).or_else(|| compressed(&without_others(domain, &compared)));
     let Some(flat) = flat else { return false };
-    let (flat, mut instance) = windows.opened(flat, problem);
-    if !compared.is_empty() && has_other_metric(domain, problem) {
-        return false;
-    }
-    instance.metric = None;
-    let Ok(mut lifted) = convert(&flat, &instance) else { return false };
-    lifted.keeps_equals = true;
+    let (flat, instance) = windows.opened(flat, problem);
     let grounded = &mut |action: &str, instances| send(Message::Progress(classical::grounding(action, instances)));
-    let Ok(Ground::Task(mut task)) = ground(&lifted, memory, grounded) else { return false };
+    let measured = has_other_metric(domain, problem)
+        .then(|| Measure::new(domain, problem))
+        .flatten()
+        .and_then(|measure| priced(&measure, flat.clone(), instance.clone(), memory, grounded));
+    let (mut task, prices) = match measured {
+        Some((task, prices)) => (task, Some(prices)),
+        None if !compared.is_empty() && has_other_metric(domain, problem) => return false,
+        None => {
+            let Some(task) = grounded_as(&flat, &Problem { metric: None, ..instance }, memory, grounded) else {
+                return false;
+            };
+            (task, None)
+        }
+    };
     let work = if task.numbers.count > 0 { NUMERIC_WORK } else { WORK };
     let clock = Clock::new(domain, problem, windows, compared);
     let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
     let Some(mut timing) = timing else { return false };
+    timing.prices = prices;
     let settings = Settings { improvement: Improvement::Brief, memory, work };
     let mut first = None;
     let end = solve(&task, settings, &mut |event| {
@@ -84,9 +99,40 @@ pub(super) fn plan(
     send_plan(report(&task, &timing, &first));
     estimate(&mut task, &mut timing);
     let limits = WorkLimits { first: work, better: if options.anytime { u64::MAX } else { HASTE } };
-    let end = timing.schedule(&first).map(|(_, end)| end);
-    hasten(&task, &timing, end, limits, memory, &mut |steps| send_plan(report(&task, &timing, steps)));
+    let known = timing.measured(&first);
+    hasten(&task, &timing, known, limits, memory, &mut |steps| send_plan(report(&task, &timing, steps)));
     has_plan
+}
+
+fn grounded_as(
+    domain: &Domain,
+    problem: &Problem,
+    memory: usize,
+    grounded: &mut dyn FnMut(&str, usize),
+) -> Option<Box<Task>> {
+    let mut lifted = convert(domain, problem).ok()?;
+    lifted.keeps_equals = true;
+    match ground(&lifted, memory, grounded) {
+        Ok(Ground::Task(task)) => Some(task),
+        _ => None,
+    }
+}
+
+/// The task whose operators cost what they add to the metric, and the prices; `None` where that is no sum of numbers above
+/// zero.
+fn priced(
+    measure: &Measure,
+    mut domain: Domain,
+    mut problem: Problem,
+    memory: usize,
+    grounded: &mut dyn FnMut(&str, usize),
+) -> Option<(Box<Task>, Prices)> {
+    measure.apply(&mut domain, &mut problem);
+    let task = grounded_as(&domain, &problem, memory, grounded)?;
+    let price = |cost: f64| (0.0..MOST).contains(&cost).then(|| (cost * FRACTIONS).round() as u64);
+    let operators = task.operators.iter().map(|operator| price(operator.cost)).collect::<Option<Vec<u64>>>()?;
+    let time = price(measure.rate / UNITS)?;
+    Some((task, Prices { time, operators }))
 }
 
 /// The domain with all that durative actions ask and do as if it were at one moment.
@@ -151,11 +197,12 @@ pub(super) fn refuted(domain: &Domain, problem: &Problem, memory: usize, work: u
     }
 }
 
-/// Makes durations the costs of operators, in units of which the longest has [`FINENESS`].
+/// Makes durations, or what counts instead, the costs of operators, in units of which the longest has [`FINENESS`].
 fn estimate(task: &mut Task, timing: &mut Timing) {
-    timing.unit = (timing.durations.iter().copied().max().unwrap_or(0) / FINENESS).max(1);
-    for (operator, duration) in task.operators.iter_mut().zip(&timing.durations) {
-        operator.cost = (duration / timing.unit).saturating_sub(1) as f64;
+    let worths: Vec<u64> = (0..task.operators.len()).map(|operator| timing.worth(operator)).collect();
+    timing.unit = (worths.iter().copied().max().unwrap_or(0) / FINENESS).max(1);
+    for (operator, worth) in task.operators.iter_mut().zip(worths) {
+        operator.cost = (worth / timing.unit).saturating_sub(1) as f64;
     }
 }
 
@@ -175,7 +222,9 @@ fn report(task: &Task, timing: &Timing, plan: &[OperatorId]) -> Option<Plan> {
         }
     };
     let steps: Vec<Step> = order.iter().enumerate().map(step).collect();
-    Some(Plan { length: steps.len(), steps, metric: None, makespan: Some(end as f64 / UNITS) })
+    // Of plans with a metric, one that ends later may be the better one.
+    let metric = timing.prices.as_ref().and_then(|_| timing.measured(plan)).map(|value| value as f64 / FRACTIONS);
+    Some(Plan { length: steps.len(), steps, metric, makespan: Some(end as f64 / UNITS) })
 }
 
 #[cfg(test)]
@@ -308,8 +357,12 @@ mod tests {
     }
 
     #[test]
-    fn a_metric_other_than_time_is_left_to_ferroplan() {
-        assert_eq!(rovers(20.0, "(:metric minimize (used))").len(), 0);
+    fn a_metric_that_is_a_sum_of_time_and_numbers_is_minimized() {
+        // One rover drives twice, or each of two once and then one of them again.
+        assert_eq!(rovers(20.0, "(:metric minimize (+ (total-time) (* 10 (used))))").last(), Some(&11.003));
+        assert_eq!(rovers(20.0, "(:metric minimize (+ (total-time) (* 0.001 (used))))").last(), Some(&9.002));
+        // The battery is worth the more the fuller it is left.
+        assert_eq!(rovers(20.0, "(:metric maximize (- (battery r) (* 5 (battery s))))").len(), 0);
     }
 
     #[test]

@@ -34,7 +34,8 @@ pub(super) fn encode(
     groups: Vec<Vec<u32>>,
 ) -> Task {
     let count = instances.init.len();
-    let task = Task { has_costs: reached.lifted.has_costs, words: words(reached.lifted), ..Task::default() };
+    let Lifted { has_costs, is_weighted, .. } = *reached.lifted;
+    let task = Task { has_costs, is_weighted, words: words(reached.lifted), ..Task::default() };
     let facts = vec![[NONE; 2]; count];
     let mut encoder = Encoder { instances, task, extra: facts.clone(), facts, renamed: Vec::new(), values: Vec::new() };
     let predicate = |atom: u32| atoms.tuple(reached, atom).map(|(predicate, _)| predicate as u32);

@@ -62,8 +62,8 @@ pub(super) fn instantiate(reached: &mut Reached<'_>, atoms: &mut Atoms, memory: 
         for id in 0..reached.relations.get(reached.instances(number)).len() as u32 {
             one(reached, atoms, number, id, &rules, &mut operators);
             if size * 4 > memory {
-                let (action, instances) = (schema.name.clone(), operators.len() - first);
-                return Err(Refusal::Explosion { action, instances });
+                let (of, instances) = (format!("the action {}", schema.name), operators.len() - first);
+                return Err(Refusal::Explosion { of, instances });
             }
             size += operators.last().map_or(0, weight);
         }

@@ -28,7 +28,7 @@ pub enum Ground {
     GoalFalse,
 }
 
-/// Grounds a task in about so many bytes. Where that takes long, `report` is called with the action that has how many instances so far.
+/// Grounds a task in about so many bytes. Where that takes long, `report` is called with what has how many instances so far.
 ///
 /// # Errors
 ///

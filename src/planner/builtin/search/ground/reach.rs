@@ -30,7 +30,7 @@ const REPORT_INTERVAL: usize = 1 << 20;
 const INSTANCE: usize = 100;
 
 impl<'l> Reached<'l> {
-    /// Computes the fixpoint within so many bytes, and reports from time to time how many instances an action has.
+    /// Computes the fixpoint within so many bytes, and reports from time to time what has how many instances.
     pub(super) fn new(lifted: &'l Lifted, memory: usize, report: &mut dyn FnMut(&str, usize)) -> Result<Self, Refusal> {
         let columns: Vec<Vec<usize>> = lifted
             .schemas
@@ -140,11 +140,7 @@ impl<'l> Reached<'l> {
             join.left = memory / INSTANCE;
             join.extend(0, &mut |binding| head(rule, binding, &mut found));
             if join.left == 0 {
-                let schema =
-                    (0..self.lifted.schemas.len()).find(|schema| self.instances(*schema) == rule.head.predicate);
-                let action = schema.map_or("", |schema| &self.lifted.schemas[schema].name);
-                report(action, memory / INSTANCE);
-                return Err(Refusal::Explosion { action: action.to_owned(), instances: memory / INSTANCE });
+                return Err(explosion(self.named(rule), memory / INSTANCE, report));
             }
             self.add(rule, &mut found, &mut queue);
         }
@@ -158,17 +154,21 @@ impl<'l> Reached<'l> {
             shown[predicate] += 1;
             for (number, place) in &triggers[predicate] {
                 let rule = &rules[*number];
-                self.join(rule).from(*place, id, &mut |binding| head(rule, binding, &mut found));
+                let mut join = self.join(rule);
+                join.left = memory / INSTANCE;
+                join.from(*place, id, &mut |binding| head(rule, binding, &mut found));
+                if join.left == 0 {
+                    return Err(explosion(self.named(rule), memory / INSTANCE, report));
+                }
                 instances += self.add(rule, &mut found, &mut queue);
             }
             if instances * INSTANCE > memory {
-                let (action, instances) = self.most();
-                report(action, instances);
-                return Err(Refusal::Explosion { action: action.to_owned(), instances });
+                let (of, instances) = self.largest();
+                return Err(explosion(of, instances, report));
             }
             if instances >= reported + REPORT_INTERVAL {
-                let (action, instances) = self.most();
-                report(action, instances);
+                let (of, instances) = self.largest();
+                report(&of, instances);
                 reported = instances.max(reported + REPORT_INTERVAL);
             }
         }
@@ -215,12 +215,50 @@ impl<'l> Reached<'l> {
         added
     }
 
-    /// The schema with most instances, and how many.
-    fn most(&self) -> (&'l str, usize) {
-        let count = |schema: &usize| self.relations.get(self.instances(*schema)).len();
-        let most = (0..self.lifted.schemas.len()).max_by_key(count).unwrap_or_default();
-        (self.lifted.schemas.get(most).map_or("", |schema| &schema.name), count(&most))
+    /// What a rule finds, in words.
+    fn named(&self, rule: &Rule) -> String {
+        let predicates = self.lifted.predicates.len();
+        match rule.head.predicate.checked_sub(predicates) {
+            Some(number) => self.owner(number),
+            // It is what an action or an axiom leads to.
+            None => match rule.body.first().and_then(|atom| atom.predicate.checked_sub(predicates)) {
+                Some(number) if number < self.lifted.schemas.len() => {
+                    format!("`forall` in an effect of {}", self.owner(number))
+                }
+                Some(number) => self.owner(number),
+                None => format!("the predicate {}", self.lifted.predicates[rule.head.predicate].0),
+            },
+        }
     }
+
+    /// The schema, or after all of them the axiom, that has instances.
+    fn owner(&self, number: usize) -> String {
+        let lifted = self.lifted;
+        let axiom = || lifted.axioms.get(number - lifted.schemas.len()).map(|axiom| axiom.head.predicate);
+        match (lifted.schemas.get(number), number.checked_sub(lifted.schemas.len()).and_then(|_| axiom())) {
+            (Some(schema), _) => format!("the action {}", schema.name),
+            (None, Some(predicate)) => format!("the derived predicate {}", lifted.predicates[predicate].0),
+            (None, None) => "the task".to_owned(),
+        }
+    }
+
+    /// What has most instances or facts, and how many.
+    fn largest(&self) -> (String, usize) {
+        let predicates = self.lifted.predicates.len();
+        let count = |relation: &usize| self.relations.get(*relation).len();
+        let largest = (0..predicates + self.columns.len()).max_by_key(count).unwrap_or_default();
+        let of = match largest.checked_sub(predicates) {
+            Some(number) => self.owner(number),
+            None => format!("the predicate {}", self.lifted.predicates[largest].0),
+        };
+        (of, count(&largest))
+    }
+}
+
+/// Too many instances, which are reported for the message of another planner that runs out of memory after this.
+fn explosion(of: String, instances: usize, report: &mut dyn FnMut(&str, usize)) -> Refusal {
+    report(&of, instances);
+    Refusal::Explosion { of, instances }
 }
 
 /// Appends the tuple of a head; of a head without terms, a mark.

@@ -3,10 +3,10 @@
 /// Why a task cannot be grounded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refusal {
-    /// More instances of actions than there is memory for.
+    /// More instances than there is memory for.
     Explosion {
-        /// The action that has most of them.
-        action: String,
+        /// What has most of them, in words.
+        of: String,
         /// How many.
         instances: usize,
     },
