@@ -230,19 +230,6 @@ impl Settings {
             None => Setting::default(history::DEFAULT_SIZE),
         };
 
-        let color = match flags.color {
-            Some(Color::Always) => true,
-            Some(Color::Never) => false,
-            Some(Color::Auto) | None => {
-                let set = |name| set(environment, name);
-                terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|term| term != "dumb")
-            }
-        };
-        let verbosity = match (flags.quiet, flags.verbose) {
-            (true, _) => Verbosity::Quiet,
-            (false, true) => Verbosity::Verbose,
-            (false, false) => Verbosity::Normal,
-        };
         Ok(Self {
             memory,
             shared,
@@ -250,8 +237,8 @@ impl Settings {
             collection,
             template_path,
             format,
-            verbosity,
-            color,
+            verbosity: verbosity(flags),
+            color: color(flags, environment, terminal),
             log,
             load: flags.load.clone(),
             planners: file.planners(folder),
@@ -263,6 +250,26 @@ impl Settings {
             object_kinds: file.object_kinds(),
             file: path,
         })
+    }
+}
+
+/// Whether messages are in colour.
+fn color(flags: &Flags, environment: &Environment, terminal: bool) -> bool {
+    let set = |name| set(environment, name);
+    match flags.color {
+        Some(Color::Always) => true,
+        Some(Color::Never) => false,
+        Some(Color::Auto) | None => {
+            terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|term| term != "dumb")
+        }
+    }
+}
+
+fn verbosity(flags: &Flags) -> Verbosity {
+    match (flags.quiet, flags.verbose) {
+        (true, _) => Verbosity::Quiet,
+        (false, true) => Verbosity::Verbose,
+        (false, false) => Verbosity::Normal,
     }
 }
 

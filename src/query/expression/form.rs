@@ -151,75 +151,97 @@ impl Form {
                     otherwise.evaluate(environment)
                 }
             }
-            Self::IfNull(items) => {
-                let mut value = None;
-                for item in items {
-                    value = item.evaluate(environment)?;
-                    if !is_nullish(&value) {
-                        break;
-                    }
-                }
-                Ok(value)
-            }
-            Self::Switch(branches, default) => {
-                for (case, then) in branches {
-                    if case.truth(environment)? {
-                        return then.evaluate(environment);
-                    }
-                }
-                match default {
-                    Some(default) => default.evaluate(environment),
-                    None => {
-                        Err(QueryError::invalid(40_066, "$switch could not find a matching branch, and has no default"))
-                    }
-                }
-            }
+            Self::IfNull(items) => first_value(items, environment),
+            Self::Switch(branches, default) => switched(branches, default.as_ref(), environment),
             Self::Let(bindings, body) => within(bindings, environment, environment, body),
-            Self::Map { input, slot, body } => {
-                let Some(items) = array("$map", 16_883, input.evaluate(environment)?)? else {
-                    return Ok(Some(Bson::Null));
-                };
-                let (mut mapped, mut held) = (Vec::with_capacity(items.len()), Held::default());
-                held.add_all(&items)?;
-                for item in items {
-                    let item = Some(item);
-                    let frame = environment.frame(*slot, &item);
-                    let value = body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null);
-                    held.add(&value)?;
-                    mapped.push(value);
-                }
-                Ok(Some(Bson::Array(mapped)))
-            }
+            Self::Map { input, slot, body } => match array("$map", 16_883, input.evaluate(environment)?)? {
+                Some(items) => mapped(items, *slot, body, environment),
+                None => Ok(Some(Bson::Null)),
+            },
             Self::Filter { input, slot, condition, limit } => {
                 kept(input, *slot, condition, limit.as_ref(), environment)
             }
-            Self::Function(program, arguments) => match arguments.evaluate(environment)? {
-                Some(Bson::Array(values)) => {
-                    let value = program.call(&values.into_iter().map(Some).collect::<Vec<_>>())?;
-                    Ok(value.map(|value| if value == Bson::Undefined { Bson::Null } else { value }))
-                }
-                _ => Err(QueryError::invalid(31_266, "the 'args' of $function must be an array")),
-            },
+            Self::Function(program, arguments) => called(program, arguments, environment),
             Self::Reduce { input, initial, value, this, body } => {
-                let Some(items) = array("$reduce", 40_080, input.evaluate(environment)?)? else {
-                    return Ok(Some(Bson::Null));
-                };
-                let (mut accumulated, mut input, mut held) =
-                    (initial.evaluate(environment)?, Held::default(), Held::default());
-                input.add_all(&items)?;
-                for item in items {
-                    let item = Some(item);
-                    let outer = environment.frame(*this, &item);
-                    let environment = environment.within(&outer);
-                    let inner = environment.frame(*value, &accumulated);
-                    let next = body.evaluate(&environment.within(&inner))?;
-                    held.replace(next.as_ref())?;
-                    accumulated = next;
+                match array("$reduce", 40_080, input.evaluate(environment)?)? {
+                    Some(items) => reduced(items, initial.evaluate(environment)?, (*value, *this), body, environment),
+                    None => Ok(Some(Bson::Null)),
                 }
-                Ok(accumulated)
             }
         }
     }
+}
+
+/// `$ifNull`: the first value that is not null, or the last.
+fn first_value(items: &[Expression], environment: &Environment<'_>) -> Result<Value> {
+    let mut value = None;
+    for item in items {
+        value = item.evaluate(environment)?;
+        if !is_nullish(&value) {
+            break;
+        }
+    }
+    Ok(value)
+}
+
+/// `$switch`: what belongs to the first case that holds.
+fn switched(
+    branches: &[(Expression, Expression)],
+    default: Option<&Expression>,
+    environment: &Environment<'_>,
+) -> Result<Value> {
+    for (case, then) in branches {
+        if case.truth(environment)? {
+            return then.evaluate(environment);
+        }
+    }
+    let message = "$switch could not find a matching branch, and has no default";
+    default.ok_or_else(|| QueryError::invalid(40_066, message))?.evaluate(environment)
+}
+
+/// `$map`: what the body makes of each item, which is in a slot.
+fn mapped(items: Vec<Bson>, slot: usize, body: &Expression, environment: &Environment<'_>) -> Result<Value> {
+    let (mut mapped, mut held) = (Vec::with_capacity(items.len()), Held::default());
+    held.add_all(&items)?;
+    for item in items {
+        let item = Some(item);
+        let frame = environment.frame(slot, &item);
+        let value = body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null);
+        held.add(&value)?;
+        mapped.push(value);
+    }
+    Ok(Some(Bson::Array(mapped)))
+}
+
+/// `$reduce`: what the body makes of a value with each item; the slots are those of the value and of the item.
+fn reduced(
+    items: Vec<Bson>,
+    initial: Value,
+    (value, this): (usize, usize),
+    body: &Expression,
+    environment: &Environment<'_>,
+) -> Result<Value> {
+    let (mut accumulated, mut input, mut held) = (initial, Held::default(), Held::default());
+    input.add_all(&items)?;
+    for item in items {
+        let item = Some(item);
+        let outer = environment.frame(this, &item);
+        let environment = environment.within(&outer);
+        let inner = environment.frame(value, &accumulated);
+        let next = body.evaluate(&environment.within(&inner))?;
+        held.replace(next.as_ref())?;
+        accumulated = next;
+    }
+    Ok(accumulated)
+}
+
+/// `$function`: what JavaScript returns.
+fn called(program: &Program, arguments: &Expression, environment: &Environment<'_>) -> Result<Value> {
+    let Some(Bson::Array(values)) = arguments.evaluate(environment)? else {
+        return Err(QueryError::invalid(31_266, "the 'args' of $function must be an array"));
+    };
+    let value = program.call(&values.into_iter().map(Some).collect::<Vec<_>>())?;
+    Ok(value.map(|value| if value == Bson::Undefined { Bson::Null } else { value }))
 }
 
 impl Comparison {

@@ -42,7 +42,7 @@ enum Operator {
     AddToSet,
     Merge,
     /// `$firstN`, `$lastN`.
-    Some {
+    FirstOrLast {
         first: bool,
         count: Expression,
     },
@@ -132,7 +132,7 @@ impl Accumulator {
         let count = Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?;
         let input = Expression::parse_in(fields.get("input").unwrap_or(&Bson::Null), scope)?;
         let operator = match name {
-            "$firstN" | "$lastN" => Operator::Some { first: name == "$firstN", count },
+            "$firstN" | "$lastN" => Operator::FirstOrLast { first: name == "$firstN", count },
             _ => Operator::Extremes { greatest: name == "$maxN", count },
         };
         Ok(Self { operator, input })
@@ -168,7 +168,7 @@ impl Accumulator {
             Operator::Push => State::Many(Collected::default()),
             Operator::AddToSet => State::Distinct(Distinct::default()),
             Operator::Merge => State::Merged(Document::new(), Memory::default()),
-            Operator::Some { count, .. } | Operator::Extremes { count, .. } => {
+            Operator::FirstOrLast { count, .. } | Operator::Extremes { count, .. } => {
                 State::Counted(limit(count, id, run)?, Vec::new(), Memory::default())
             }
             Operator::Ranked { count: Some(count), .. } => {
@@ -185,7 +185,7 @@ impl Accumulator {
         match (&self.operator, &*state) {
             (Operator::First, State::One(Some(_))) => return Ok(()),
             // As in mongod, one value more than is kept is evaluated.
-            (Operator::Some { first: true, .. }, State::Counted(limit, values, _)) if values.len() > *limit => {
+            (Operator::FirstOrLast { first: true, .. }, State::Counted(limit, values, _)) if values.len() > *limit => {
                 return Ok(());
             }
             _ => {}
@@ -195,49 +195,25 @@ impl Accumulator {
             return Ok(());
         }
         let value = self.input.evaluate(&run.environment(fields))?;
+        let number = || value.as_ref().and_then(Number::of);
         match (&self.operator, state) {
-            (Operator::Sum, State::Sum(sum)) => {
-                if let Some(number) = value.as_ref().and_then(Number::of) {
-                    sum.add(number);
-                }
-            }
+            (Operator::Sum, State::Sum(sum)) => number().into_iter().for_each(|number| sum.add(number)),
             (Operator::Average, State::Average(sum, count)) => {
-                if let Some(number) = value.as_ref().and_then(Number::of) {
+                if let Some(number) = number() {
                     sum.add(number);
                     *count += 1;
                 }
             }
             (Operator::Deviation { .. }, State::Deviation(deviation)) => {
-                if let Some(number) = value.as_ref().and_then(Number::of) {
-                    deviation.add(number);
-                }
+                number().into_iter().for_each(|number| deviation.add(number));
             }
-            (Operator::Extreme { greatest }, State::One(best)) => {
-                let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
-                let better = best.as_ref().is_none_or(|best| {
-                    let order = compare_values(&value, best);
-                    if *greatest { order.is_gt() } else { order.is_lt() }
-                });
-                if better {
-                    *best = Some(value);
-                }
-            }
-            (Operator::First, State::One(first)) if first.is_none() => {
-                *first = Some(value.unwrap_or(Bson::Null));
-            }
+            (Operator::Extreme { greatest }, State::One(best)) => add_extreme(best, value, *greatest),
+            (Operator::First, State::One(first)) if first.is_none() => *first = Some(value.unwrap_or(Bson::Null)),
             (Operator::Last, State::One(last)) => *last = Some(value.unwrap_or(Bson::Null)),
             (Operator::Push, State::Many(values)) => value.map_or(Ok(()), |value| values.add(value))?,
             (Operator::AddToSet, State::Distinct(values)) => value.map_or(Ok(()), |value| values.add(value))?,
-            (Operator::Merge, State::Merged(document, memory)) => match value {
-                Some(Bson::Document(more)) => {
-                    memory.add_new(document, &more)?;
-                    document.extend(more);
-                }
-                None => {}
-                Some(value) if is_null(&value) => {}
-                Some(_) => return Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
-            },
-            (Operator::Some { first, .. }, State::Counted(limit, values, memory)) => {
+            (Operator::Merge, State::Merged(document, memory)) => add_fields(document, value, memory)?,
+            (Operator::FirstOrLast { first, .. }, State::Counted(limit, values, memory)) => {
                 let value = value.unwrap_or(Bson::Null);
                 memory.add(&value)?;
                 values.push(value);
@@ -246,35 +222,10 @@ impl Accumulator {
                 }
             }
             (Operator::Extremes { greatest, .. }, State::Counted(limit, values, memory)) => {
-                let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
-                let order = |known: &Bson| {
-                    let order = compare_values(known, &value);
-                    if *greatest { order.reverse() } else { order }
-                };
-                // What equals the last does not take its place. Of equal ones, the latest of the greatest comes
-                // first, and the earliest of the least.
-                if values.len() == *limit && values.last().is_some_and(|last| order(last).is_le()) {
-                    return Ok(());
-                }
-                let at = values.partition_point(|known| order(known).is_lt() || !*greatest && order(known).is_eq());
-                memory.add(&value)?;
-                values.insert(at, value);
-                values.drain((*limit).min(values.len())..).for_each(|value| memory.remove(&value));
+                add_to_extremes(values, value, (*limit, *greatest), memory)?;
             }
             (Operator::Ranked { sort, bottom, .. }, State::Ranked(limit, ranked, memory)) => {
-                let key = rank(sort, fields);
-                if ranked.len() == *limit {
-                    // Of equal ones, the earlier stays.
-                    let worst = if *bottom { 0 } else { ranked.len().saturating_sub(1) };
-                    match ranked.get(worst) {
-                        Some((known, _)) if *bottom && key <= *known || !*bottom && key >= *known => return Ok(()),
-                        _ => memory.remove(&ranked.remove(worst).1),
-                    }
-                }
-                let at = ranked.partition_point(|(known, _)| *known <= key);
-                let value = value.unwrap_or(Bson::Null);
-                memory.add(&value)?;
-                ranked.insert(at, (key, value));
+                add_ranked(ranked, (rank(sort, fields), value.unwrap_or(Bson::Null)), (*limit, *bottom), memory)?;
             }
             _ => {}
         }
@@ -303,6 +254,74 @@ impl Accumulator {
             (_, State::Deviation(deviation)) => deviation.value(false),
         })
     }
+}
+
+/// Takes a value for the least or greatest one.
+fn add_extreme(best: &mut Option<Bson>, value: Option<Bson>, greatest: bool) {
+    let Some(value) = value.filter(|value| !is_null(value)) else { return };
+    let better = best.as_ref().is_none_or(|best| {
+        let order = compare_values(&value, best);
+        if greatest { order.is_gt() } else { order.is_lt() }
+    });
+    if better {
+        *best = Some(value);
+    }
+}
+
+/// Adds the fields of a value to a document.
+fn add_fields(document: &mut Document, value: Option<Bson>, memory: &mut Memory) -> Result<()> {
+    match value {
+        Some(Bson::Document(more)) => {
+            memory.add_new(document, &more)?;
+            document.extend(more);
+            Ok(())
+        }
+        Some(value) if !is_null(&value) => Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
+        _ => Ok(()),
+    }
+}
+
+/// Takes a value among the so many least or greatest ones. What equals the last does not take its place. Of equal ones, the
+/// latest of the greatest comes first, and the earliest of the least.
+fn add_to_extremes(
+    values: &mut Vec<Bson>,
+    value: Option<Bson>,
+    (limit, greatest): (usize, bool),
+    memory: &mut Memory,
+) -> Result<()> {
+    let Some(value) = value.filter(|value| !is_null(value)) else { return Ok(()) };
+    let order = |known: &Bson| {
+        let order = compare_values(known, &value);
+        if greatest { order.reverse() } else { order }
+    };
+    if values.len() == limit && values.last().is_some_and(|last| order(last).is_le()) {
+        return Ok(());
+    }
+    let at = values.partition_point(|known| order(known).is_lt() || !greatest && order(known).is_eq());
+    memory.add(&value)?;
+    values.insert(at, value);
+    values.drain(limit.min(values.len())..).for_each(|value| memory.remove(&value));
+    Ok(())
+}
+
+/// Takes a value by its rank among the so many first or last ones. Of equal ones, the earlier stays.
+fn add_ranked(
+    ranked: &mut Vec<(Vec<u8>, Bson)>,
+    (key, value): (Vec<u8>, Bson),
+    (limit, bottom): (usize, bool),
+    memory: &mut Memory,
+) -> Result<()> {
+    if ranked.len() == limit {
+        let worst = if bottom { 0 } else { ranked.len().saturating_sub(1) };
+        match ranked.get(worst) {
+            Some((known, _)) if bottom && key <= *known || !bottom && key >= *known => return Ok(()),
+            _ => memory.remove(&ranked.remove(worst).1),
+        }
+    }
+    let at = ranked.partition_point(|(known, _)| *known <= key);
+    memory.add(&value)?;
+    ranked.insert(at, (key, value));
+    Ok(())
 }
 
 /// Returns the place of a document for `$top` and its like. Unlike in `$sort`, arrays count as a whole
