@@ -34,6 +34,14 @@ impl Memory {
         self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
     }
 
+    /// Brings what is in the logs of files into the files themselves; see [`Store::fold`].
+    ///
+    /// # Errors
+    /// Where that is not possible at present.
+    pub fn fold(&self) -> Result<(), StoreError> {
+        self.routes.stores()?.into_iter().try_for_each(Store::fold)
+    }
+
     /// All collections of both stores, with those that rmem keeps for itself.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::code;
+use super::files::Moved;
 use crate::query::QueryError;
 use crate::store::{StoreError, TakenKey};
 
@@ -144,6 +145,12 @@ impl From<StoreError> for Failure {
             },
             StoreError::Interrupted { .. } | StoreError::Failed { .. } => Self::new(codes::FAILED, message),
         }
+    }
+}
+
+impl From<Moved> for Failure {
+    fn from(moved: Moved) -> Self {
+        Self::new(codes::FAILED, moved.to_string())
     }
 }
 

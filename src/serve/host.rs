@@ -42,6 +42,11 @@ impl Lazy {
         Self { cache: Some(CACHE), ..Self::new(server) }
     }
 
+    /// The memory, where it was used.
+    pub(super) fn opened(&self) -> Option<&Memory> {
+        self.memory.get()
+    }
+
     pub(super) fn get(&self) -> Result<&Memory, Failure> {
         if self.memory.get().is_none() {
             let memory = self.server.open()?;

@@ -32,6 +32,14 @@ impl Job {
     pub(super) fn abandon(sessions: Vec<SessionId>) -> Self {
         Self::Abandon(Abandoned::Sessions(sessions))
     }
+
+    /// Answers that it is not done.
+    pub(super) fn refuse(self, failure: &Failure) {
+        match self {
+            Self::Write { reply, .. } | Self::Step(Step { reply, .. }) => reply.answer(Err(failure.clone())),
+            Self::Abandon(_) | Self::Stop => {}
+        }
+    }
 }
 
 /// Which transactions end.

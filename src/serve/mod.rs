@@ -24,6 +24,7 @@ mod cursor;
 mod ended;
 mod failure;
 mod fields;
+mod files;
 mod host;
 mod hub;
 mod job;
@@ -50,6 +51,7 @@ mod writer_context;
 
 pub use address::{Address, AddressError};
 pub use auth::{Users, UsersError};
+pub use files::Moved;
 pub use listener::{ListenError, Listener};
 pub use running::Running;
 pub use server::{Opener, Options, Server};

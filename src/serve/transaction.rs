@@ -114,7 +114,8 @@ impl Open {
                 end = Some(ended);
                 if is_kept { self.note(memory) } else { Err(undone(memory)) }
             };
-            memory.as_one(&ns, work).map_err(Failure::from)
+            memory.as_one(&ns, work)?;
+            Ok(context.server.check_files()?)
         });
         let how = match &end {
             Some(End::Conflict) => How::Conflicted,

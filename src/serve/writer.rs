@@ -51,7 +51,7 @@ impl WriterContext<'_> {
         let mut beat = Instant::now();
         loop {
             match self.next(BEAT.saturating_sub(beat.elapsed())) {
-                Some(Job::Stop) => return,
+                Some(Job::Stop) => return self.fold(),
                 Some(job) => self.perform(job),
                 None => {}
             }
@@ -62,7 +62,21 @@ impl WriterContext<'_> {
         }
     }
 
+    /// Brings what was acknowledged into a file that has been moved: its log stays at its old name.
+    fn fold(&self) {
+        if self.server.check_files().is_err()
+            && let Some(memory) = self.memory.opened()
+        {
+            // What clients still read keeps a part from it; then it is tried again at the end.
+            let _ = memory.fold();
+        }
+    }
+
     fn perform(&mut self, job: Job) {
+        if let Err(moved) = self.server.check_files() {
+            self.fold();
+            return job.refuse(&moved.into());
+        }
         match job {
             Job::Write { ns, once, work, reply } => self.group(Write { ns, once, work, reply }),
             Job::Step(step) => transaction::run(self, step),
@@ -87,7 +101,8 @@ impl WriterContext<'_> {
                 }
                 Ok(())
             };
-            memory.as_one(&ns, work).map_err(Failure::from)
+            memory.as_one(&ns, work)?;
+            Ok(self.server.check_files()?)
         });
         if let Some(write) = next {
             // It could not even begin.
@@ -135,6 +150,9 @@ impl WriterContext<'_> {
     /// Lets go of what is too old.
     fn look_after(&mut self) {
         self.server.sessions.forget(MEMORY);
+        if self.server.check_files().is_err() {
+            return self.fold();
+        }
         let Ok(memory) = self.memory.get() else { return };
         // What cannot be done now is done at the next beat.
         let _ = self.server.scopes.look_after(memory);

@@ -277,6 +277,11 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// Brings what is in a write-ahead log into the file itself, where the store has one.
+    fn fold(&self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     /// Whether documents that may be stored could be in a collection for a moment with no visible effect: no index would
     /// refuse or remove them, strings compare byte by byte, and no [`Store::watch`] gets computed documents.
     fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {

@@ -193,6 +193,11 @@ impl Store for Embedded {
         self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
     }
 
+    fn fold(&self) -> Result<(), StoreError> {
+        let fold = "PRAGMA wal_checkpoint(TRUNCATE)";
+        self.connection.query_row(fold, [], |_| Ok(())).map_err(|e| self.explain(&e))
+    }
+
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
         self.write(work)
     }
