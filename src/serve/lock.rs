@@ -5,6 +5,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read as _, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::fault::{AtFault, Fault};
@@ -37,6 +38,17 @@ pub enum LockError {
         /// Its process.
         holder: Holder,
     },
+    /// It has several names, each of which has a log of its own.
+    #[error(
+        "{}: the file has {links} names (hard links), and a memory that is written through two of them is damaged; \
+         copy it, or remove the others: `find . -samefile {}`", path.display(), path.display()
+    )]
+    Linked {
+        /// Which file.
+        path: PathBuf,
+        /// How many names it has.
+        links: u64,
+    },
     /// The lock cannot be written.
     #[error("{}: {source}", path.display())]
     File {
@@ -50,7 +62,7 @@ pub enum LockError {
 impl AtFault for LockError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Held { .. } => Fault::Conflict,
+            Self::Held { .. } | Self::Linked { .. } => Fault::Conflict,
             Self::File { .. } => Fault::Store,
         }
     }
@@ -60,8 +72,13 @@ impl Lock {
     /// Takes the lock of a memory's file.
     ///
     /// # Errors
-    /// Where another process has it, or it cannot be written.
+    /// Where another process has it, the file has another name, or the lock cannot be written.
     pub fn take(memory: &Path) -> Result<Self, LockError> {
+        // SQLite's advice: <https://www.sqlite.org/howtocorrupt.html#_multiple_links_to_the_same_file>.
+        let links = memory.metadata().map_or(1, |found| found.nlink());
+        if links > 1 {
+            return Err(LockError::Linked { path: memory.to_owned(), links });
+        }
         let path = beside(memory);
         let failed = |source| LockError::File { path: path.clone(), source };
         let file =
@@ -106,8 +123,13 @@ fn read(path: &Path) -> Option<Holder> {
     Some(Holder { process: process.parse().ok()?, uris: uris.trim().replace('\n', ", ") })
 }
 
+/// Beside the file itself, whichever symbolic link leads to it, also where it is not there yet.
 fn beside(memory: &Path) -> PathBuf {
-    let mut path = memory.as_os_str().to_owned();
+    let named = || match memory.read_link() {
+        Ok(target) => memory.parent().map_or(target.clone(), |folder| folder.join(&target)),
+        Err(_) => memory.to_owned(),
+    };
+    let mut path = memory.canonicalize().unwrap_or_else(|_| named()).into_os_string();
     path.push("-serve");
     path.into()
 }
@@ -130,5 +152,22 @@ mod tests {
         drop(lock);
         assert_eq!(holder(&memory), None);
         assert!(Lock::take(&memory).is_ok());
+    }
+
+    #[test]
+    fn a_file_has_one_lock_whatever_name_leads_to_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name| folder.path().join(name);
+        std::os::unix::fs::symlink("robot.rmem", path("link.rmem")).unwrap();
+        for is_there in [false, true] {
+            if is_there {
+                std::fs::write(path("robot.rmem"), "").unwrap();
+            }
+            let lock = Lock::take(&path("link.rmem")).unwrap();
+            assert!(matches!(Lock::take(&path("robot.rmem")), Err(LockError::Held { .. })), "{is_there}");
+            drop(lock);
+        }
+        std::fs::hard_link(path("robot.rmem"), path("hard.rmem")).unwrap();
+        assert!(matches!(Lock::take(&path("hard.rmem")), Err(LockError::Linked { links: 2, .. })));
     }
 }
