@@ -63,6 +63,8 @@ impl Lazy {
 /// A thread with its memory and cursors.
 pub(super) struct Host<'m> {
     pub(super) server: Arc<Server>,
+    /// The number of its connection, or of its own where it has none.
+    pub(super) id: i64,
     memory: &'m Lazy,
     cursors: HashMap<i64, Results<'m>>,
     pub(super) inbox: Inbox,
@@ -71,14 +73,14 @@ pub(super) struct Host<'m> {
 }
 
 impl<'m> Host<'m> {
-    pub(super) fn new(server: &Arc<Server>, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
+    pub(super) fn new(server: &Arc<Server>, id: i64, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
         let inbox = Inbox::new().map_err(|error| {
             let message =
                 format!("the system has no more sockets to give ({error}); raise the limit on open files (ulimit -n)");
             Failure::new(codes::FAILED, message)
         })?;
         let server = Arc::clone(server);
-        Ok(Self { server, memory, cursors: HashMap::new(), inbox, writes_itself })
+        Ok(Self { server, id, memory, cursors: HashMap::new(), inbox, writes_itself })
     }
 
     pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
@@ -151,7 +153,7 @@ impl<'m> Host<'m> {
         }
         results.never_expires = batch.never_expires;
         let owner = Owner::Thread(self.inbox.mailbox());
-        let id = self.server.cursors.open(Open { namespace: ns.clone(), origin, owner })?;
+        let id = self.server.cursors.open(Open::new(ns.clone(), origin, owner, self.id))?;
         self.cursors.insert(id, results);
         Ok(cursor::reply(id, &ns.to_string(), &first, true))
     }

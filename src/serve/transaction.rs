@@ -154,7 +154,7 @@ impl Open {
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let mut host = match Host::new(context.server, context.memory, true) {
+        let mut host = match Host::new(context.server, context.server.next_id(), context.memory, true) {
             Ok(host) => host,
             Err(failure) => {
                 reply.answer(Err(failure));

@@ -244,7 +244,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         0
     } else {
         let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
-        host.server.cursors.open(Open { namespace: ns.clone(), origin: call.request.origin(), owner })?
+        host.server.cursors.open(Open::new(ns.clone(), call.request.origin(), owner, host.id))?
     };
     super::cursor::stream_reply(id, &ns.to_string(), &first, true)
 }

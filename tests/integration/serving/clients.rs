@@ -12,6 +12,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("computables_run_for_whoever_asks", computables),
     ("computables_that_are_added_meanwhile_run_too", added),
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
+    ("cursors_of_few_connections_that_have_ended_are_kept", left),
     ("a_cursor_that_is_not_read_is_closed", expired),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
     ("what_is_not_supported_is_refused_by_its_name", refusals),
@@ -118,6 +119,23 @@ fn cursors() -> Result<(), Failed> {
     assert_eq!(killed.get_array("cursorsNotFound")?, &vec![Bson::Int64(5)]);
     let gone = other.run(&doc! { "getMore": others, "collection": "c", "$db": "a" })?;
     assert_eq!(gone.get_str("codeName")?, "CursorNotFound");
+    Ok(())
+}
+
+fn left() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let documents = (0..100).map(|n| doc! { "_id": n });
+    served.client()?.database("a").collection("c").insert_many(documents).run()?;
+    let mut opened = Vec::new();
+    for _ in 0..110 {
+        let answer = Wire::connect(served.address())?.run(&doc! { "find": "c", "batchSize": 1, "$db": "a" })?;
+        opened.push(answer.get_document("cursor")?.get_i64("id")?);
+    }
+    let mut wire = Wire::connect(served.address())?;
+    crate::processes::until("the connections have ended", || Ok(super::wire::connected(&mut wire)? == 2))?;
+    let is_open = |cursor: i64, wire: &mut Wire| Ok::<_, Failed>(is_fine(&wire.run(&more_of(cursor))?));
+    assert!(is_open(opened[109], &mut wire)? && is_open(opened[20], &mut wire)? && !is_open(opened[0], &mut wire)?);
     Ok(())
 }
 
