@@ -34,6 +34,14 @@ impl Memory {
         self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
     }
 
+    /// The number of the collection that has a name; see [`Store::number`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        self.routes.reading(ns)?.number(ns)
+    }
+
     /// Brings what is in the logs of files into the files themselves; see [`Store::fold`].
     ///
     /// # Errors

@@ -35,11 +35,13 @@ pub(super) struct Results<'m> {
     documents: Peekable<Documents<'m>>,
     pub(super) used: Instant,
     pub(super) never_expires: bool,
+    /// The number of the collection that is read.
+    pub(super) collection: Option<i64>,
 }
 
 impl<'m> Results<'m> {
     pub(super) fn new(documents: Documents<'m>) -> Self {
-        Self { documents: documents.peekable(), used: Instant::now(), never_expires: false }
+        Self { documents: documents.peekable(), used: Instant::now(), never_expires: false, collection: None }
     }
 
     /// The next documents: at most so many, and no more than fit in a message.
@@ -306,7 +308,9 @@ mod tests {
         // Another connection reads this one.
         cursors.touch(all[7][0], 8);
         assert!(open(10).is_ok());
-        assert!(cursors.get(all[7][0]).is_some() && cursors.get(all[7][1]).is_none() && cursors.get(all[7][2]).is_some());
+        assert!(
+            cursors.get(all[7][0]).is_some() && cursors.get(all[7][1]).is_none() && cursors.get(all[7][2]).is_some()
+        );
         assert!(matches!(inbox.take(), Some(ThreadMessage::Kill(id)) if id == all[7][1]));
         assert_eq!(cursors.count(), MOST);
     }

@@ -33,6 +33,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
+    pub(in crate::serve) const QUERY_PLAN_KILLED: i32 = 175;
     pub(in crate::serve) const AMBIGUOUS_INDEX: i32 = 181;
     pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;

@@ -152,6 +152,7 @@ impl<'m> Host<'m> {
             return Ok(cursor::reply(0, &ns.to_string(), &first, true));
         }
         results.never_expires = batch.never_expires;
+        results.collection = self.memory()?.number(ns)?;
         let owner = Owner::Thread(self.inbox.mailbox());
         let id = self.server.cursors.open(Open::new(ns.clone(), origin, owner, self.id))?;
         self.cursors.insert(id, results);
@@ -177,12 +178,26 @@ impl<'m> Host<'m> {
     fn own(&mut self, cursor: i64, batch: Option<u64>) -> Option<Answer> {
         let results = self.cursors.get_mut(&cursor)?;
         let next = results.batch(batch.filter(|size| *size > 0));
-        let is_over = next.is_err() || results.is_over();
-        let ns = self.server.cursors.get(cursor).map(|open| open.namespace.to_string()).unwrap_or_default();
-        if is_over {
+        let (is_over, collection) = (next.is_err() || results.is_over(), results.collection);
+        let ns = self.server.cursors.get(cursor).map(|open| open.namespace);
+        // What a collection had that was dropped meanwhile would be taken for all of it.
+        let next = next.and_then(|next| self.check_collection(ns.as_ref(), collection).map(|()| next));
+        if is_over || next.is_err() {
             self.close(cursor);
         }
+        let ns = ns.map(|ns| ns.to_string()).unwrap_or_default();
         Some(next.map(|next| cursor::reply(if is_over { 0 } else { cursor }, &ns, &next, false)))
+    }
+
+    /// Fails where a collection that had a number has it no more.
+    fn check_collection(&self, ns: Option<&Namespace>, number: Option<i64>) -> Result<(), Failure> {
+        match ns {
+            Some(ns) if number.is_some() && self.memory()?.number(ns)? != number => {
+                let message = format!("the collection {ns} was dropped or renamed while it was read");
+                Err(Failure::new(codes::QUERY_PLAN_KILLED, message))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn close(&mut self, cursor: i64) {

@@ -277,6 +277,12 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// The number of the collection that has a name, where the store numbers them: one that takes the name later has another.
+    fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        let _ = ns;
+        Ok(None)
+    }
+
     /// Brings what is in a write-ahead log into the file itself, where the store has one.
     fn fold(&self) -> Result<(), StoreError> {
         Ok(())

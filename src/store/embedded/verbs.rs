@@ -193,6 +193,10 @@ impl Store for Embedded {
         self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
     }
 
+    fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        Ok(self.collection(ns)?.map(|collection| collection.id))
+    }
+
     fn fold(&self) -> Result<(), StoreError> {
         let fold = "PRAGMA wal_checkpoint(TRUNCATE)";
         self.connection.query_row(fold, [], |_| Ok(())).map_err(|e| self.explain(&e))
