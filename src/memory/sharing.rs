@@ -34,6 +34,14 @@ impl Memory {
         self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
     }
 
+    /// Reports that a database was removed; see [`Store::note_dropped`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        self.routes.scoped(&Scope::Database(database.to_owned()))?.note_dropped(database)
+    }
+
     /// The number of the collection that has a name; see [`Store::number`].
     ///
     /// # Errors

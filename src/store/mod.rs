@@ -277,6 +277,13 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// Reports to those that follow a database, where the store keeps changes, that it was removed; its collections were
+    /// dropped before.
+    fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        let _ = database;
+        Ok(())
+    }
+
     /// The number of the collection that has a name, where the store numbers them: one that takes the name later has another.
     fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
         let _ = ns;

@@ -86,6 +86,10 @@ impl Store for Embedded {
         })
     }
 
+    fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        self.write(|| self.note_drop_database(database))
+    }
+
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
         self.write(|| {
             let Some(collection) = self.collection(from)? else {
