@@ -277,6 +277,12 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// How a view is defined (`viewOn`, `pipeline`); none where the name is that of a collection, or of nothing.
+    fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
+        let _ = ns;
+        Ok(None)
+    }
+
     /// Reports to those that follow a database, where the store keeps changes, that it was removed; its collections were
     /// dropped before.
     fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
