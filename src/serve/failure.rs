@@ -63,6 +63,9 @@ pub(super) const TRANSIENT: &str = "TransientTransactionError";
 /// The label of what ends a change stream for good.
 pub(super) const NOT_RESUMABLE: &str = "NonResumableChangeStreamError";
 
+/// The label of what drivers repeat: it was certainly not done.
+pub(super) const RETRYABLE: &str = "RetryableWriteError";
+
 /// What a command answers.
 pub(super) type Answer = Result<RawDocumentBuf, Failure>;
 
@@ -133,10 +136,12 @@ impl From<bson::error::Error> for Failure {
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
+        let is_unsent = error.is_unsent();
         match error {
             StoreError::Query(error) => error.into(),
             StoreError::Stopped { source, .. } => Self::from(*source),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
+            StoreError::Unreachable { .. } if is_unsent => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),
             StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message),
             StoreError::Held { .. } => Self::new(codes::CONFLICT, message),
             StoreError::Unfit { .. } => Self::new(codes::ILLEGAL, message),
@@ -192,6 +197,16 @@ mod tests {
         assert_eq!(*id.details, doc! { "keyPattern": { "_id": 1 }, "keyValue": { "_id": 7 } });
         let name = taken(TakenKey::of_index("name_1", doc! { "name": "x" }));
         assert!(name.message.ends_with("index: name_1 dup key: { name: \"x\" }"), "{}", name.message);
+    }
+
+    #[test]
+    fn what_was_certainly_not_done_may_be_repeated() {
+        let labels = |reason: &str| {
+            let address = "mongodb://robot1".to_owned();
+            Failure::from(StoreError::Unreachable { address, reason: reason.to_owned() }).labels
+        };
+        assert_eq!(labels("no server answered"), [RETRYABLE]);
+        assert!(labels("closed; whether the change of a.b was made is not known").is_empty());
     }
 
     #[test]

@@ -28,7 +28,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
             Ok(count) => outcome.n += count,
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }

@@ -32,7 +32,7 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
                 let index = start + stored;
                 let id = documents.get(index).and_then(|document| document.get("_id"));
                 let failure = described(Failure::from(error), id);
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
                 start = index + 1;

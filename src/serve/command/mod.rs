@@ -78,7 +78,7 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    let confirmation = request.confirmation;
+    let (confirmation, home) = (request.confirmation, home(&request));
     let unconfirmed = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
@@ -89,7 +89,13 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
         return Ok(unconfirmed);
     }
     if confirmation == Confirmation::Others {
-        let message = "Not enough data-bearing nodes: rmem is one member";
+        let message = match host.memory()?.is_current(&home)? {
+            true => "Not enough data-bearing nodes: rmem is one member",
+            false => {
+                "it was written as the URI of --memory says, by default to a majority of the members: the write concern of \
+                 a client is not passed on to them"
+            }
+        };
         let error = rawdoc! { "code": 100, "codeName": "UnsatisfiableWriteConcern", "errmsg": message };
         reply.append(cstr!("writeConcernError"), error);
     }

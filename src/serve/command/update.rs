@@ -33,7 +33,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             }
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }

@@ -45,6 +45,12 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert_eq!(many.find(doc! {}).batch_size(50).run()?.count(), 500);
     assert_eq!(code(things.insert_one(doc! { "_id": 1 }).run()), Some(11_000));
     assert_eq!(things.delete_many(doc! {}).run()?.deleted_count, 3);
+    let unconfirmed = database.run_command(doc! {
+        "insert": "things", "documents": [{ "_id": 8 }], "writeConcern": { "w": 5 },
+    });
+    let unconfirmed = unconfirmed.run()?;
+    let error = unconfirmed.get_document("writeConcernError")?.get_str("errmsg")?;
+    assert!(error.contains("not passed on"), "{error}");
     // A view is listed as one, and keeps nothing else from being listed.
     let behind = Client::with_uri_str(mongod)?.database("in_front");
     behind.run_command(doc! { "create": "seen", "viewOn": "things", "pipeline": [] }).run()?;
@@ -52,7 +58,7 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert_eq!((listed.collection_type, listed.options.view_on.as_deref()), (CollectionType::View, Some("things")));
     assert!(database.list_collection_names().run()?.contains(&"many".to_owned()));
     let stats = database.run_command(doc! { "dbStats": 1 }).run()?;
-    assert_eq!((stats.get_i64("views")?, stats.get_i64("objects")?), (1, 500));
+    assert_eq!((stats.get_i64("views")?, stats.get_i64("objects")?), (1, 501));
     assert!(client.list_databases().run()?.iter().any(|found| found.name == "in_front"));
     // What only the server itself can do is refused, with the reason.
     let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
