@@ -157,6 +157,11 @@ fn own_source(
 ) -> Result<Option<Vec<Document>>, Failure> {
     let Some((name, argument)) = stages.first().and_then(|stage| stage.iter().next()) else { return Ok(None) };
     let memory = host.memory()?;
+    let is_own = matches!(name.as_str(), "$collStats" | "$indexStats" | "$currentOp" | "$planCacheStats");
+    if is_own && call.request.is_in_transaction() {
+        let message = format!("Stage not supported inside of a multi-document transaction: {name}");
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
     Ok(Some(match name.as_str() {
         "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
         "$indexStats" => statistics::indexes(memory, ns)?,

@@ -17,7 +17,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
-    let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
+    let (ordered, mut outcome) = (is_ordered(call)?, Outcome::default());
     let statements = statements(fields, "deletes")?;
     let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("delete.deletes", one)).collect();
     for statement in &statements {

@@ -9,7 +9,7 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
-use crate::store::{Index, Namespace, index};
+use crate::store::{Find, Index, Namespace, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("createIndexes", create).transactional(),
@@ -29,7 +29,12 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     let made = memory.create_collection(&ns, None)?;
     let before = shown(memory, call, &ns)?.len();
     for definition in &definitions {
-        memory.create_index(&ns, definition)?;
+        let is_new = memory.create_index(&ns, definition)?;
+        if is_new && !made && call.request.is_in_transaction() && !is_empty(memory, &ns)? {
+            let message =
+                format!("Cannot create new indexes on existing collection {ns} in a multi-document transaction.");
+            return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+        }
     }
     let after = shown(memory, call, &ns)?.len();
     let mut reply = doc! {
@@ -41,6 +46,11 @@ fn create(memory: &Memory, call: &Call) -> Answer {
         reply.insert("note", "all indexes already exist");
     }
     raw(&reply)
+}
+
+fn is_empty(memory: &Memory, ns: &Namespace) -> Result<bool, Failure> {
+    let find = Find { limit: 1, ..Find::default() };
+    Ok(memory.bare(ns)?.find(ns, &find)?.next().transpose()?.is_none())
 }
 
 fn read(definition: &Document) -> Result<Index, Failure> {

@@ -79,6 +79,7 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
     let (confirmation, home) = (request.confirmation, home(&request));
+    let (mode, is_abort) = (request.mode(), request.name == "abortTransaction");
     let unconfirmed = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
@@ -88,7 +89,13 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
         return Ok(unconfirmed);
     }
-    if confirmation == Confirmation::Others {
+    // An abort writes nothing that could be confirmed.
+    if confirmation == Confirmation::Mode && !is_abort {
+        let message = format!("No write concern mode named '{mode}' found in replica set configuration");
+        let error = rawdoc! { "code": 79, "codeName": "UnknownReplWriteConcern", "errmsg": message };
+        reply.append(cstr!("writeConcernError"), error);
+    }
+    if confirmation == Confirmation::Others && !is_abort {
         let message = match host.memory()?.is_current(&home)? {
             true => "Not enough data-bearing nodes: rmem is one member",
             false => {
@@ -115,7 +122,10 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     }
     check_number(command, &request)?;
     if let Run::Here(run) = command.run {
-        return run(client, &server, &request);
+        return match request.is_in_transaction() {
+            true => Err(outside_only(command)),
+            false => run(client, &server, &request),
+        };
     }
     let call = Call { request, metadata: client.metadata, author: Arc::clone(&client.author) };
     if call.request.is_in_transaction() {
@@ -188,8 +198,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         return Err(Failure::new(codes::INTERNAL, "a transaction without a session"));
     };
     if !command.in_transaction {
-        let message = format!("Cannot run '{}' in a multi-document transaction.", command.name);
-        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+        return Err(outside_only(command));
     }
     check_in_transaction(&call.request, part.starts)?;
     let ns = home(&call.request);
@@ -217,6 +226,12 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         }
         None => step(host, command, once, part.starts, &Arc::new(call)),
     }
+}
+
+/// The failure of a command that is of no transaction, and leaves the one that is open as it is.
+fn outside_only(command: &Command) -> Failure {
+    let message = format!("Cannot run '{}' in a multi-document transaction.", command.name);
+    Failure::new(codes::NOT_IN_TRANSACTION, message)
 }
 
 /// Refuses what a command of a transaction may not say: only the first says what it reads, and only the last who confirms it.

@@ -39,9 +39,10 @@ impl Outcome {
     }
 }
 
-/// Whether a statement that fails keeps those behind it from being done.
-pub(super) fn is_ordered(fields: Fields<'_>) -> Result<bool, Failure> {
-    Ok(fields.optional_flag("ordered")?.unwrap_or(true))
+/// Whether a statement that fails keeps those behind it from being done; in a transaction it does so always.
+pub(super) fn is_ordered(call: &Call) -> Result<bool, Failure> {
+    let asked = call.request.fields().optional_flag("ordered")?.unwrap_or(true);
+    Ok(asked || call.request.is_in_transaction())
 }
 
 /// The statements of a command, of which there has to be one at least.
