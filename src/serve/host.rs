@@ -13,7 +13,7 @@ use super::job::{Job, Work};
 use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
 use super::server::Server;
-use super::session::Once;
+use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 
@@ -92,7 +92,7 @@ impl<'m> Host<'m> {
     }
 
     /// Has something written: by the writer, with what others write.
-    pub(super) fn write(&mut self, ns: Namespace, once: Option<Once>, work: Work) -> Answer {
+    pub(super) fn write(&mut self, ns: Namespace, once: Option<Repeatable>, work: Work) -> Answer {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
             return work(memory);

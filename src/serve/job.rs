@@ -9,6 +9,7 @@ use super::failure::{Answer, Failure, codes};
 use super::mailbox::Reply;
 use super::session::{Once, SessionId};
 use super::snapshot::Snapshot;
+use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
@@ -18,7 +19,7 @@ pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;
 /// What the writer is given to do.
 pub(super) enum Job {
     /// A write by itself.
-    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Reply },
+    Write { ns: Namespace, once: Option<Repeatable>, work: Work, reply: Reply },
     /// A command of a transaction, or its end.
     Step(Step),
     /// Transactions end without their commit.

@@ -40,6 +40,7 @@ mod running;
 mod server;
 mod session;
 mod snapshot;
+mod statements;
 mod stream;
 pub mod systemd;
 mod tls;

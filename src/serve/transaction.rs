@@ -143,7 +143,7 @@ impl Open {
 
     /// Notes, in the transaction, that it was committed.
     fn note(&self, memory: &Memory) -> Result<(), StoreError> {
-        let kept = retry::keep(memory, &records(), &self.once, &RawDocumentBuf::new());
+        let kept = retry::keep(memory, &records(), &self.once, &[], &RawDocumentBuf::new());
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
@@ -212,7 +212,7 @@ impl Open {
     fn is_superseded(&self, job: &Job) -> bool {
         let once = match job {
             Job::Step(step) => Some(&step.once).filter(|_| step.is_first()),
-            Job::Write { once, .. } => once.as_ref(),
+            Job::Write { once, .. } => once.as_ref().map(|repeatable| &repeatable.once),
             Job::Abandon(_) | Job::Stop => None,
         };
         once.is_some_and(|once| once.session == self.once.session && once.number > self.once.number)

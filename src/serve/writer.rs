@@ -18,6 +18,7 @@ use super::panic;
 use super::retry;
 use super::server::Server;
 use super::session::{Finished, Once};
+use super::statements::Repeatable;
 use super::transaction;
 use super::writer_context::WriterContext;
 use crate::memory::Memory;
@@ -129,19 +130,20 @@ impl WriterContext<'_> {
     }
 
     /// One write of several: where it fails, it has done nothing.
-    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Once>, work: Work) -> Answer {
-        if let Some(once) = &once
-            && let Some(answer) = retry::recall(memory, ns, once, self.server.sessions.last(&once.session))?
+    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Repeatable>, work: Work) -> Answer {
+        if let Some(write) = &once
+            && let Some(answer) = retry::recall(memory, ns, write, self.server.sessions.last(&write.once.session))?
         {
             return Ok(answer);
         }
         let answer = attempt(memory, ns, |memory| {
             let answer = panic::caught(|| work(memory))?;
-            once.iter().try_for_each(|once| retry::keep(memory, ns, once, &answer))?;
+            let mut writes = once.iter();
+            writes.try_for_each(|write| retry::keep(memory, ns, &write.once, &write.statements.numbers, &answer))?;
             Ok(answer)
         })?;
         self.server.clock.wrote();
-        if let Some(Once { session, number }) = once {
+        if let Some(Repeatable { once: Once { session, number }, .. }) = once {
             self.server.sessions.finish(&session, Finished::write(number));
         }
         Ok(answer)
@@ -166,7 +168,7 @@ impl WriterContext<'_> {
 
 struct Write {
     ns: Namespace,
-    once: Option<Once>,
+    once: Option<Repeatable>,
     work: Work,
     reply: Reply,
 }

@@ -41,6 +41,7 @@ use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
 use super::session::{Finished, How, Once, started, superseded};
+use super::statements::{Repeatable, Statements};
 use super::wire::Form;
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -179,6 +180,8 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         }
         host.server.readings.end_before(once);
     }
+    let statements = once.is_some().then(|| Statements::read(&call.request)).transpose()?;
+    let once = once.zip(statements).map(|(once, statements)| Repeatable { once, statements });
     let home = home(&call.request);
     let work = move |memory: &Memory| {
         memory.sign(&call.author);

@@ -520,7 +520,9 @@ fn repeated() -> Result<(), Failed> {
         served.kill()?;
         served = Served::start(folder.path(), &[])?;
         answers.push(Wire::connect(served.address())?.run(&command)?);
-        for answer in &mut answers {
+        for (nth, answer) in answers.iter_mut().enumerate() {
+            let retried = [answer.remove("retriedStmtIds"), answer.remove("retriedStmtId")];
+            assert_eq!(retried.iter().flatten().count(), usize::from(nth > 0), "{answer}");
             answer.remove("operationTime");
             answer.remove("$clusterTime");
         }
@@ -531,5 +533,9 @@ fn repeated() -> Result<(), Failed> {
     let batch = found.get_document("cursor")?.get_array("firstBatch")?.clone();
     assert_eq!(batch, [Bson::Document(doc! { "_id": 1, "n": 4 })]);
     refused(wire.run(&add(2))?, 225);
+    // What was done in part is not taken for the whole.
+    let more = add(5).into_iter().chain(doc! { "stmtIds": [1] });
+    fine(wire.run(&add(5))?);
+    refused(wire.run(&more.collect())?, 115);
     Ok(())
 }
