@@ -25,6 +25,8 @@ pub(super) mod codes {
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
     pub(in crate::serve) const TOO_LONG: i32 = 50;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
+    pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
+    pub(in crate::serve) const INDEX_EXISTS: i32 = 68;
     pub(in crate::serve) const INVALID_OPTIONS: i32 = 72;
     pub(in crate::serve) const INVALID_NAMESPACE: i32 = 73;
     pub(in crate::serve) const SHUTDOWN: i32 = 91;
@@ -35,6 +37,7 @@ pub(super) mod codes {
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
     pub(in crate::serve) const QUERY_PLAN_KILLED: i32 = 175;
     pub(in crate::serve) const AMBIGUOUS_INDEX: i32 = 181;
+    pub(in crate::serve) const INVALID_INDEX_OPTION: i32 = 197;
     pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
     pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
