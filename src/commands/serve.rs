@@ -40,7 +40,7 @@ pub struct ServeArgs {
     /// Listen on a Unix socket, which only its owner may use (can be repeated)
     #[arg(long, value_name = "PATH")]
     pub socket: Vec<PathBuf>,
-    /// Refuse what changes the memory
+    /// Refuse what changes the memory, and change streams
     #[arg(long)]
     pub read_only: bool,
     /// Require a login (SCRAM-SHA-256) by the users of FILE

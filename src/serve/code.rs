@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 98] = [
+const NAMES: [(i32, &str); 99] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -100,6 +100,7 @@ const NAMES: [(i32, &str); 98] = [
     (322, "APIVersionError"),
     (334, "MechanismUnavailable"),
     (352, "UnsupportedOpQueryCommand"),
+    (13113, "MergeStageNoMatchingDocument"),
 ];
 
 /// Larger codes that have a name.

@@ -126,6 +126,8 @@ fn write(memory: &Memory, call: &Call) -> Answer {
         return Err(Failure::new(codes::INVALID_OPTIONS, message));
     }
     batch(fields)?;
+    // Behind `$changeStream`, neither of them may be.
+    Spec::read(&call.request, &stages)?;
     check_source(&ns, &stages)?;
     let aggregation = Aggregation { stages: &stages, modifiers: &fields.modifiers()? };
     call.access(memory).aggregate(&ns, aggregation)?.try_for_each(|document| document.map(drop))?;

@@ -74,8 +74,13 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     let read = |text: Option<&str>, name: &str| -> Result<Namespace, Failure> {
         let text = text.ok_or_else(|| fields.missing(name))?;
         let (database, collection) = text.split_once('.').unwrap_or((text, ""));
-        namespace(database, collection)
+        namespace(database, if collection.is_empty() { "" } else { "x" })?;
+        namespace(database, collection).map_err(|failure| Failure { code: codes::ILLEGAL, ..failure })
     };
+    if call.request.database != "admin" {
+        let message = "renameCollection may only be run against the admin database.";
+        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    }
     let (from, to) = (read(fields.text("renameCollection")?, "renameCollection")?, read(fields.text("to")?, "to")?);
     if from.database != to.database {
         return Err(Failure::unsupported("renaming a collection into another database"));

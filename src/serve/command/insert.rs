@@ -12,7 +12,7 @@ pub(super) const COMMANDS: &[Command] = &[Command::write("insert", insert).trans
 
 fn insert(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &["let", "documents"]].concat())?;
+    fields.known(&[&COMMON[..], &["documents"]].concat())?;
     let (ordered, documents) = (is_ordered(call)?, statements(fields, "documents")?);
     let (mut outcome, mut start, mut size) = (Outcome::default(), 0, documents.len());
     // Documents are stored together, up to the next one that is refused. Where one was, the next are likely to be: few are

@@ -227,13 +227,13 @@ fn mistakes() -> Result<(), Failed> {
         (doc! { "dropIndexes": "c", "index": "none" }, 27, "IndexNotFound"),
         (doc! { "dropIndexes": "c", "index": "_id_" }, 72, "InvalidOptions"),
         (doc! { "getMore": 7_i64, "collection": "c" }, 43, "CursorNotFound"),
-        (doc! { "renameCollection": "a.none", "to": "a.d" }, 26, "NamespaceNotFound"),
+        (doc! { "renameCollection": "a.none", "to": "a.d", "$db": "admin" }, 26, "NamespaceNotFound"),
         (doc! { "findAndModify": "c" }, 9, "FailedToParse"),
         (doc! { "commitTransaction": 1 }, 125, "CommandFailed"),
         (doc! { "ping": 1, "readConcern": { "level": "snapshot" } }, 246, "SnapshotUnavailable"),
     ] {
         let mut asked = command.clone();
-        asked.insert("$db", "a");
+        asked.entry("$db").or_insert_with(|| "a".into());
         let answer = wire.run(&asked)?;
         let reported = (answer.get_i32("code")?, answer.get_str("codeName")?);
         assert_eq!(reported, (number, name), "{command}: {answer}");

@@ -116,6 +116,18 @@ fn checked() -> Result<(), Failed> {
         (doc! { "ping": 1, "apiStrict": true, "$db": "a" }, 4_886_600),
         (doc! { "delete": "c", "deletes": [{ "q": {}, "limit": 0 }, { "q": {}, "limit": 2 }], "$db": "a" }, 9),
         (doc! { "dropIndexes": "c", "index": { "a": 1 }, "$db": "a" }, 181),
+        (doc! { "ping": 1, "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "endSessions": [], "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "connectionStatus": 1, "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "insert": "c", "documents": [{}], "let": {}, "$db": "a" }, 40_415),
+        (doc! { "renameCollection": "a.c", "to": "a.d", "$db": "a" }, 13),
+        (doc! { "renameCollection": "a.c", "to": "a.$d", "$db": "admin" }, 20),
+        (doc! { "renameCollection": "a.c", "to": "a", "$db": "admin" }, 73),
+        (
+            doc! { "aggregate": "c", "pipeline": [{ "$changeStream": {} }, { "$out": "d" }], "cursor": {}, "$db": "a" },
+            20,
+        ),
+        (doc! { "explain": { "mapReduce": "c", "map": "", "reduce": "", "out": "d" }, "$db": "a" }, 0),
     ];
     wire.run(&doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }], "$db": "a" })?;
     let index = |key: Document, more: Document| {
