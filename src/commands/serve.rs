@@ -40,7 +40,7 @@ pub struct ServeArgs {
     /// Listen on a Unix socket, which only its owner may use (can be repeated)
     #[arg(long, value_name = "PATH")]
     pub socket: Vec<PathBuf>,
-    /// Refuse what changes the memory
+    /// Refuse what changes the memory, and change streams
     #[arg(long)]
     pub read_only: bool,
     /// Require a login (SCRAM-SHA-256) by the users of FILE
@@ -86,7 +86,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     let uris: Vec<String> = listeners.iter().map(uri).collect();
     let threads = start(listeners, running.server())?;
     announce(args, &uris, &mut locks, context)?;
-    wait(guard.interrupted());
+    let ended = wait(guard.interrupted(), running.server());
     systemd::notify(notify_socket(context).as_deref(), "STOPPING=1");
     running.stop();
     for thread in threads {
@@ -94,6 +94,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
         let _ = thread.join();
     }
     drop((locks, scratch));
+    ended?;
     Ok(Exit::Done)
 }
 
@@ -257,8 +258,11 @@ fn notify_socket(context: &Context<'_>) -> Option<String> {
     context.environment.get("NOTIFY_SOCKET").cloned()
 }
 
-fn wait(interrupted: &AtomicBool) {
+/// Waits until the server is to end; an error where a file is not there any more.
+fn wait(interrupted: &AtomicBool, server: &Server) -> Result<()> {
     while !interrupted.load(Ordering::Relaxed) {
         std::thread::sleep(SLICE);
+        server.check_files()?;
     }
+    Ok(())
 }

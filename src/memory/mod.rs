@@ -30,3 +30,4 @@ pub use clock::Clock;
 pub use diagnosis::{Condition, Diagnosis, Remark};
 pub use journal::{Observer, Operation};
 pub use operations::Memory;
+pub use sharing::Listed;

@@ -2,11 +2,23 @@
 
 use std::time::Duration;
 
-use bson::DateTime;
+use bson::{DateTime, Document};
 
 use super::Memory;
 use crate::query::Collation;
-use crate::store::{ChangePage, Kept, Namespace, Scope, Since, Store, StoreError, index};
+use crate::store::{ChangePage, Index, Kept, Namespace, Scope, Since, Store, StoreError, index};
+
+/// MongoDB's code for what a view has not.
+const NOT_ON_VIEW: i32 = 166;
+
+/// What has a name in a database.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Listed {
+    /// A collection, and its indexes.
+    Collection(Vec<Index>),
+    /// A view of a MongoDB server, and how it is defined.
+    View(Document),
+}
 
 impl Memory {
     /// The store that a collection is in, as it is: for callers that keep metadata themselves.
@@ -32,6 +44,44 @@ impl Memory {
     /// Where one cannot be opened.
     pub fn limit_caches(&self, bytes: usize) -> Result<(), StoreError> {
         self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
+    }
+
+    /// The indexes of a collection; of a view, how it is defined.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn collection_or_view(&self, ns: &Namespace) -> Result<Listed, StoreError> {
+        let store = self.routes.reading(ns)?;
+        match store.indexes(ns) {
+            Err(StoreError::Query(error)) if error.code == NOT_ON_VIEW => {
+                Ok(store.view(ns)?.map_or(Listed::Collection(Vec::new()), Listed::View))
+            }
+            indexes => indexes.map(Listed::Collection),
+        }
+    }
+
+    /// Reports that a database was removed; see [`Store::note_dropped`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        self.routes.scoped(&Scope::Database(database.to_owned()))?.note_dropped(database)
+    }
+
+    /// The number of the collection that has a name; see [`Store::number`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        self.routes.reading(ns)?.number(ns)
+    }
+
+    /// Brings what is in the logs of files into the files themselves; see [`Store::fold`].
+    ///
+    /// # Errors
+    /// Where that is not possible at present.
+    pub fn fold(&self) -> Result<(), StoreError> {
+        self.routes.stores()?.into_iter().try_for_each(Store::fold)
     }
 
     /// All collections of both stores, with those that rmem keeps for itself.

@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 97] = [
+const NAMES: [(i32, &str); 99] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -92,6 +92,7 @@ const NAMES: [(i32, &str); 97] = [
     (257, "TransactionTooLarge"),
     (260, "InvalidResumeToken"),
     (263, "OperationNotSupportedInTransaction"),
+    (278, "UnsatisfiableCommitQuorum"),
     (280, "ChangeStreamFatalError"),
     (286, "ChangeStreamHistoryLost"),
     (290, "TransactionExceededLifetimeLimitSeconds"),
@@ -99,6 +100,7 @@ const NAMES: [(i32, &str); 97] = [
     (322, "APIVersionError"),
     (334, "MechanismUnavailable"),
     (352, "UnsupportedOpQueryCommand"),
+    (13113, "MergeStageNoMatchingDocument"),
 ];
 
 /// Larger codes that have a name.

@@ -23,13 +23,14 @@ use super::wire::{self, Form, Message, Reply, WireError};
 /// Serves a client until it disconnects or an error ends the connection.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     let memory = Lazy::of_connection(server);
-    let Ok(host) = Host::new(server, &memory, false) else { return server.leave(client.id) };
+    let Ok(host) = Host::new(server, client.id, &memory, false) else { return server.leave(client.id) };
     let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
     // A connection that broke is over; no client reads the error.
     let _ = connection.run();
     let Connection { client, host, reader } = connection;
     drop(reader);
     server.leave(client.id);
+    server.cursors.leave(client.id);
     if !client.transactions.is_empty() {
         let begun = client.transactions.into_iter().map(|(session, number)| Once { session, number });
         let begun: Vec<Once> = begun.filter(|once| !server.readings.end(once)).collect();

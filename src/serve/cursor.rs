@@ -1,6 +1,6 @@
 //! Cursors: answers that are taken batch by batch.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::iter::Peekable;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -23,19 +23,25 @@ pub(super) const SETTLE_TIMEOUT: Duration = Duration::from_secs(5);
 /// What a cursor says that has more.
 const UNSETTLED: &str = "the transaction began to write before this cursor was read to its end, and there was too much \
     left to keep; read it to its end before the first write, or narrow the query";
-/// At most so many cursors are open at once.
+/// At most so many cursors are open at once …
 const MOST: usize = 10_000;
+/// … and so many of one connection.
+const MOST_OF_ONE: usize = 1_000;
+/// At most so many connections that have ended keep cursors, and with them a thread and open files.
+const MOST_LEFT: usize = 100;
 
 /// Documents that were not sent yet.
 pub(super) struct Results<'m> {
     documents: Peekable<Documents<'m>>,
     pub(super) used: Instant,
     pub(super) never_expires: bool,
+    /// The number of the collection that is read.
+    pub(super) collection: Option<i64>,
 }
 
 impl<'m> Results<'m> {
     pub(super) fn new(documents: Documents<'m>) -> Self {
-        Self { documents: documents.peekable(), used: Instant::now(), never_expires: false }
+        Self { documents: documents.peekable(), used: Instant::now(), never_expires: false, collection: None }
     }
 
     /// The next documents: at most so many, and no more than fit in a message.
@@ -110,6 +116,18 @@ pub(super) struct Open {
     pub(super) namespace: Namespace,
     pub(super) origin: Origin,
     pub(super) owner: Owner,
+    /// The connection that read it last, by its number.
+    connection: i64,
+    /// Whether that connection has ended. Another one may read the cursor still.
+    has_left: bool,
+    used: Instant,
+}
+
+impl Open {
+    /// A cursor that a connection opens.
+    pub(super) fn new(namespace: Namespace, origin: Origin, owner: Owner, connection: i64) -> Self {
+        Self { namespace, origin, owner, connection, has_left: false, used: Instant::now() }
+    }
 }
 
 /// The reader of a cursor.
@@ -132,29 +150,74 @@ struct All {
     ended: Ended,
 }
 
+impl All {
+    /// Closes a cursor; its thread frees it.
+    fn close(&mut self, id: i64) -> bool {
+        let removed = self.open.remove(&id);
+        if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
+            mailbox.send(ThreadMessage::Kill(id));
+        }
+        removed.is_some()
+    }
+
+    /// Closes the cursor that was not read for longest of those whose connections have ended; says whether there was one.
+    fn close_left(&mut self) -> bool {
+        let left = self.open.iter().filter(|(_, open)| open.has_left);
+        let oldest = left.min_by_key(|(_, open)| open.used).map(|(id, _)| *id);
+        oldest.is_some_and(|id| self.close(id))
+    }
+
+    /// How many connections that have ended keep cursors.
+    fn left(&self) -> usize {
+        let left = self.open.values().filter(|open| open.has_left);
+        left.map(|open| open.connection).collect::<HashSet<_>>().len()
+    }
+}
+
 impl Cursors {
-    /// Registers a cursor; gives its number.
+    /// Registers a cursor; gives its number. Where there are too many, those of connections that have ended make room.
     ///
     /// # Errors
-    /// Where there are too many.
+    /// Where there are too many of this connection, or of all that are there.
     pub(super) fn open(&self, cursor: Open) -> Result<i64, Failure> {
-        let cursors = &mut self.lock().open;
-        if cursors.len() >= MOST {
-            let message = format!("{MOST} cursors are open; close some, or let them be read to their end");
-            return Err(Failure::new(codes::FAILED, message));
+        let mut cursors = self.lock();
+        let full = |most, whose| {
+            let message = format!("{most} cursors {whose}are open; close some, or let them be read to their end");
+            Err(Failure::new(codes::FAILED, message))
+        };
+        if cursors.open.values().filter(|open| open.connection == cursor.connection).count() >= MOST_OF_ONE {
+            return full(MOST_OF_ONE, "of this connection ");
+        }
+        if cursors.open.len() >= MOST && !cursors.close_left() {
+            return full(MOST, "");
         }
         let id = loop {
             let id = random() & i64::MAX;
-            if id != 0 && !cursors.contains_key(&id) {
+            if id != 0 && !cursors.open.contains_key(&id) {
                 break id;
             }
         };
-        cursors.insert(id, cursor);
+        cursors.open.insert(id, cursor);
         Ok(id)
     }
 
     pub(super) fn get(&self, id: i64) -> Option<Open> {
         self.lock().open.get(&id).cloned()
+    }
+
+    /// Notes that a connection reads a cursor.
+    pub(super) fn touch(&self, id: i64, connection: i64) {
+        if let Some(open) = self.lock().open.get_mut(&id) {
+            (open.connection, open.has_left, open.used) = (connection, false, Instant::now());
+        }
+    }
+
+    /// Notes that a connection has ended: its cursors are there for others, as long as there is room for them.
+    pub(super) fn leave(&self, connection: i64) {
+        let mut cursors = self.lock();
+        let own = cursors.open.values_mut().filter(|open| open.connection == connection);
+        own.for_each(|open| open.has_left = true);
+        while cursors.left() > MOST_LEFT && cursors.close_left() {}
     }
 
     /// Why a cursor that is not open cannot be read in `here`.
@@ -168,14 +231,9 @@ impl Cursors {
 
     /// Removes a cursor; its thread frees it.
     pub(super) fn kill(&self, id: i64) -> bool {
-        let (removed, has_ended) = {
-            let mut cursors = self.lock();
-            (cursors.open.remove(&id), cursors.ended.remove(|ended, _| ended == id))
-        };
-        if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
-            mailbox.send(ThreadMessage::Kill(id));
-        }
-        removed.is_some() || has_ended
+        let mut cursors = self.lock();
+        let (was_open, has_ended) = (cursors.close(id), cursors.ended.remove(|ended, _| ended == id));
+        was_open || has_ended
     }
 
     /// Forgets a cursor that its thread has let go of.
@@ -233,6 +291,43 @@ pub(super) fn not_found(id: i64) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cursors_of_connections_that_have_ended_make_room_the_oldest_first() {
+        let cursors = Cursors::default();
+        let inbox = super::super::mailbox::Inbox::new().unwrap();
+        let open = |connection| {
+            let ns = Namespace::parse("a.b").unwrap();
+            cursors.open(Open::new(ns, Origin::default(), Owner::Thread(inbox.mailbox()), connection))
+        };
+        let of = |connection| (0..MOST_OF_ONE).map(|_| open(connection).unwrap()).collect::<Vec<_>>();
+        let all: Vec<Vec<i64>> = (0..10).map(of).collect();
+        assert!(open(0).unwrap_err().message.contains("of this connection"));
+        assert!(open(10).is_err());
+        cursors.leave(7);
+        // Another connection reads this one.
+        cursors.touch(all[7][0], 8);
+        assert!(open(10).is_ok());
+        assert!(
+            cursors.get(all[7][0]).is_some() && cursors.get(all[7][1]).is_none() && cursors.get(all[7][2]).is_some()
+        );
+        assert!(matches!(inbox.take(), Some(ThreadMessage::Kill(id)) if id == all[7][1]));
+        assert_eq!(cursors.count(), MOST);
+    }
+
+    #[test]
+    fn few_connections_that_have_ended_keep_cursors() {
+        let cursors = Cursors::default();
+        let inbox = super::super::mailbox::Inbox::new().unwrap();
+        let most = i64::try_from(MOST_LEFT).unwrap();
+        for connection in 0..=most {
+            let ns = Namespace::parse("a.b").unwrap();
+            cursors.open(Open::new(ns, Origin::default(), Owner::Thread(inbox.mailbox()), connection)).unwrap();
+            cursors.leave(connection);
+        }
+        assert_eq!(cursors.count(), MOST_LEFT);
+        assert!(matches!(inbox.take(), Some(ThreadMessage::Kill(_))));
+    }
 
     #[test]
     fn what_is_not_read_in_time_of_a_cursor_is_an_error_behind_what_is() {

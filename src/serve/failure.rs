@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::code;
+use super::files::Moved;
 use crate::query::QueryError;
 use crate::store::{StoreError, TakenKey};
 
@@ -24,6 +25,8 @@ pub(super) mod codes {
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
     pub(in crate::serve) const TOO_LONG: i32 = 50;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
+    pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
+    pub(in crate::serve) const INDEX_EXISTS: i32 = 68;
     pub(in crate::serve) const INVALID_OPTIONS: i32 = 72;
     pub(in crate::serve) const INVALID_NAMESPACE: i32 = 73;
     pub(in crate::serve) const SHUTDOWN: i32 = 91;
@@ -32,7 +35,9 @@ pub(super) mod codes {
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
+    pub(in crate::serve) const QUERY_PLAN_KILLED: i32 = 175;
     pub(in crate::serve) const AMBIGUOUS_INDEX: i32 = 181;
+    pub(in crate::serve) const INVALID_INDEX_OPTION: i32 = 197;
     pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
     pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
@@ -60,6 +65,9 @@ pub(super) const TRANSIENT: &str = "TransientTransactionError";
 
 /// The label of what ends a change stream for good.
 pub(super) const NOT_RESUMABLE: &str = "NonResumableChangeStreamError";
+
+/// The label of what drivers repeat: it was certainly not done.
+pub(super) const RETRYABLE: &str = "RetryableWriteError";
 
 /// What a command answers.
 pub(super) type Answer = Result<RawDocumentBuf, Failure>;
@@ -131,10 +139,12 @@ impl From<bson::error::Error> for Failure {
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
+        let is_unsent = error.is_unsent();
         match error {
             StoreError::Query(error) => error.into(),
             StoreError::Stopped { source, .. } => Self::from(*source),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
+            StoreError::Unreachable { .. } if is_unsent => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),
             StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message),
             StoreError::Held { .. } => Self::new(codes::CONFLICT, message),
             StoreError::Unfit { .. } => Self::new(codes::ILLEGAL, message),
@@ -144,6 +154,12 @@ impl From<StoreError> for Failure {
             },
             StoreError::Interrupted { .. } | StoreError::Failed { .. } => Self::new(codes::FAILED, message),
         }
+    }
+}
+
+impl From<Moved> for Failure {
+    fn from(moved: Moved) -> Self {
+        Self::new(codes::FAILED, moved.to_string())
     }
 }
 
@@ -184,6 +200,16 @@ mod tests {
         assert_eq!(*id.details, doc! { "keyPattern": { "_id": 1 }, "keyValue": { "_id": 7 } });
         let name = taken(TakenKey::of_index("name_1", doc! { "name": "x" }));
         assert!(name.message.ends_with("index: name_1 dup key: { name: \"x\" }"), "{}", name.message);
+    }
+
+    #[test]
+    fn what_was_certainly_not_done_may_be_repeated() {
+        let labels = |reason: &str| {
+            let address = "mongodb://robot1".to_owned();
+            Failure::from(StoreError::Unreachable { address, reason: reason.to_owned() }).labels
+        };
+        assert_eq!(labels("no server answered"), [RETRYABLE]);
+        assert!(labels("closed; whether the change of a.b was made is not known").is_empty());
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
 use super::request::too_long;
 use super::server::Server;
-use super::session::Once;
+use super::statements::Repeatable;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
@@ -44,6 +44,11 @@ impl Lazy {
         Self { cache: Some(CACHE), ..Self::new(server) }
     }
 
+    /// The memory, where it was used.
+    pub(super) fn opened(&self) -> Option<&Memory> {
+        self.memory.get()
+    }
+
     pub(super) fn get(&self) -> Result<&Memory, Failure> {
         if self.memory.get().is_none() {
             let memory = self.server.open()?;
@@ -60,6 +65,8 @@ impl Lazy {
 /// A thread with its memory and cursors.
 pub(super) struct Host<'m> {
     pub(super) server: Arc<Server>,
+    /// The number of its connection, or of its own where it has none.
+    pub(super) id: i64,
     memory: &'m Lazy,
     cursors: HashMap<i64, Results<'m>>,
     pub(super) inbox: Inbox,
@@ -68,14 +75,14 @@ pub(super) struct Host<'m> {
 }
 
 impl<'m> Host<'m> {
-    pub(super) fn new(server: &Arc<Server>, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
+    pub(super) fn new(server: &Arc<Server>, id: i64, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
         let inbox = Inbox::new().map_err(|error| {
             let message =
                 format!("the system has no more sockets to give ({error}); raise the limit on open files (ulimit -n)");
             Failure::new(codes::FAILED, message)
         })?;
         let server = Arc::clone(server);
-        Ok(Self { server, memory, cursors: HashMap::new(), inbox, writes_itself })
+        Ok(Self { server, id, memory, cursors: HashMap::new(), inbox, writes_itself })
     }
 
     pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
@@ -87,7 +94,13 @@ impl<'m> Host<'m> {
     }
 
     /// Has something written: by the writer, with what others write. It is not begun any more after the deadline.
-    pub(super) fn write(&mut self, ns: Namespace, once: Option<Once>, deadline: Option<Instant>, work: Work) -> Answer {
+    pub(super) fn write(
+        &mut self,
+        ns: Namespace,
+        once: Option<Repeatable>,
+        deadline: Option<Instant>,
+        work: Work,
+    ) -> Answer {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
             let _deadline = Deadline::set(deadline);
@@ -175,8 +188,9 @@ impl<'m> Host<'m> {
             return Ok(cursor::reply(0, &ns.to_string(), &first, true));
         }
         results.never_expires = batch.never_expires;
+        results.collection = self.memory()?.number(ns)?;
         let owner = Owner::Thread(self.inbox.mailbox());
-        let id = self.server.cursors.open(Open { namespace: ns.clone(), origin, owner })?;
+        let id = self.server.cursors.open(Open::new(ns.clone(), origin, owner, self.id))?;
         self.cursors.insert(id, results);
         Ok(cursor::reply(id, &ns.to_string(), &first, true))
     }
@@ -200,12 +214,26 @@ impl<'m> Host<'m> {
     fn own(&mut self, cursor: i64, batch: Option<u64>) -> Option<Answer> {
         let results = self.cursors.get_mut(&cursor)?;
         let next = results.batch(batch.filter(|size| *size > 0));
-        let is_over = next.is_err() || results.is_over();
-        let ns = self.server.cursors.get(cursor).map(|open| open.namespace.to_string()).unwrap_or_default();
-        if is_over {
+        let (is_over, collection) = (next.is_err() || results.is_over(), results.collection);
+        let ns = self.server.cursors.get(cursor).map(|open| open.namespace);
+        // What a collection had that was dropped meanwhile would be taken for all of it.
+        let next = next.and_then(|next| self.check_collection(ns.as_ref(), collection).map(|()| next));
+        if is_over || next.is_err() {
             self.close(cursor);
         }
+        let ns = ns.map(|ns| ns.to_string()).unwrap_or_default();
         Some(next.map(|next| cursor::reply(if is_over { 0 } else { cursor }, &ns, &next, false)))
+    }
+
+    /// Fails where a collection that had a number has it no more.
+    fn check_collection(&self, ns: Option<&Namespace>, number: Option<i64>) -> Result<(), Failure> {
+        match ns {
+            Some(ns) if number.is_some() && self.memory()?.number(ns)? != number => {
+                let message = format!("the collection {ns} was dropped or renamed while it was read");
+                Err(Failure::new(codes::QUERY_PLAN_KILLED, message))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn close(&mut self, cursor: i64) {

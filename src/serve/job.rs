@@ -10,6 +10,7 @@ use super::failure::{Answer, Failure, codes};
 use super::mailbox::Reply;
 use super::session::{Once, SessionId};
 use super::snapshot::Snapshot;
+use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
@@ -30,7 +31,7 @@ pub(super) type Work = Box<dyn FnOnce(&Memory) -> Answer + Send>;
 /// What the writer is given to do.
 pub(super) enum Job {
     /// A write by itself.
-    Write { ns: Namespace, once: Option<Once>, work: Work, reply: Reply },
+    Write { ns: Namespace, once: Option<Repeatable>, work: Work, reply: Reply },
     /// A command of a transaction, or its end.
     Step(Step),
     /// Transactions end without their commit.
@@ -43,6 +44,14 @@ impl Job {
     /// Ends whatever transactions sessions have.
     pub(super) fn abandon(sessions: Vec<SessionId>) -> Self {
         Self::Abandon(Abandoned::Sessions(sessions))
+    }
+
+    /// Answers that it is not done.
+    pub(super) fn refuse(self, failure: &Failure) {
+        match self {
+            Self::Write { reply, .. } | Self::Step(Step { reply, .. }) => reply.answer(Err(failure.clone())),
+            Self::Abandon(_) | Self::Stop => {}
+        }
     }
 }
 

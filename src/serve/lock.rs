@@ -45,6 +45,17 @@ pub enum LockError {
         /// Its process, once that has said how it is reached.
         holder: Option<Holder>,
     },
+    /// It has several names, each of which has a log of its own.
+    #[error(
+        "{}: the file has {links} names (hard links), and a memory that is written through two of them is damaged; \
+         copy it, or remove the others: `find . -samefile {}`", path.display(), path.display()
+    )]
+    Linked {
+        /// Which file.
+        path: PathBuf,
+        /// How many names it has.
+        links: u64,
+    },
     /// The lock cannot be written.
     #[error("{}: {source}", path.display())]
     File {
@@ -58,7 +69,7 @@ pub enum LockError {
 impl AtFault for LockError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Held { .. } => Fault::Conflict,
+            Self::Held { .. } | Self::Linked { .. } => Fault::Conflict,
             Self::File { .. } => Fault::Store,
         }
     }
@@ -68,8 +79,13 @@ impl Lock {
     /// Takes the lock of a memory's file.
     ///
     /// # Errors
-    /// Where another process has it, or it cannot be written.
+    /// Where another process has it, the file has another name, or the lock cannot be written.
     pub fn take(memory: &Path) -> Result<Self, LockError> {
+        // SQLite's advice: <https://www.sqlite.org/howtocorrupt.html#_multiple_links_to_the_same_file>.
+        let links = memory.metadata().map_or(1, |found| found.nlink());
+        if links > 1 {
+            return Err(LockError::Linked { path: memory.to_owned(), links });
+        }
         let path = beside(memory);
         let failed = |source| LockError::File { path: path.clone(), source };
         for _ in 0..ATTEMPTS {
@@ -146,8 +162,13 @@ fn read(path: &Path) -> Option<Holder> {
     Some(Holder { process: process.parse().ok()?, uris: uris.trim().replace('\n', ", ") })
 }
 
+/// Beside the file itself, whichever symbolic link leads to it, also where it is not there yet.
 fn beside(memory: &Path) -> PathBuf {
-    let mut path = memory.as_os_str().to_owned();
+    let named = || match memory.read_link() {
+        Ok(target) => memory.parent().map_or(target.clone(), |folder| folder.join(&target)),
+        Err(_) => memory.to_owned(),
+    };
+    let mut path = memory.canonicalize().unwrap_or_else(|_| named()).into_os_string();
     path.push("-serve");
     path.into()
 }

@@ -112,7 +112,7 @@ fn read(
 ) -> Result<(), Failure> {
     let memory = Lazy::of_connection(server);
     let until = Instant::now() + TRANSACTION_LIMIT;
-    let mut host = Host::new(server, &memory, true)?;
+    let mut host = Host::new(server, server.next_id(), &memory, true)?;
     let mut check = None;
     let is_current = host.memory()?.at_one_moment(ns, &mut || {
         check = answer_all(&mut host, (once, command), asked, until);

@@ -37,6 +37,8 @@ pub(super) enum Confirmation {
     Own,
     /// Members that there are not.
     Others,
+    /// Those of a mode (`w: "name"`), of which there is none.
+    Mode,
 }
 
 /// Commands that only read, and have no write concern.
@@ -131,6 +133,12 @@ impl Request {
     pub(super) fn origin(&self) -> Origin {
         let transaction = self.transaction.filter(|part| part.is_multi).map(|part| part.number);
         Origin { session: self.session.clone(), transaction }
+    }
+
+    /// The mode of its write concern (`w: "name"`).
+    pub(super) fn mode(&self) -> String {
+        let concern = self.body.get_document("writeConcern");
+        concern.and_then(|concern| concern.get_str("w")).unwrap_or_default().to_owned()
     }
 
     /// Whether it is a command of a transaction.
@@ -275,9 +283,7 @@ fn check_members(members: Option<&Bson>) -> Result<Confirmation, Failure> {
     match members {
         None | Some(Bson::Null) => Ok(Confirmation::Own),
         Some(Bson::String(mode)) if mode == "majority" => Ok(Confirmation::Own),
-        Some(Bson::String(mode)) => {
-            Err(Failure::new(79, format!("No write concern mode named '{mode}' found in replica set configuration")))
-        }
+        Some(Bson::String(_)) => Ok(Confirmation::Mode),
         // Tags of members, and how many have to have each.
         Some(Bson::Document(tags)) => {
             if tags.is_empty() || tags.values().any(|count| super::fields::whole(count).is_none()) {
@@ -320,7 +326,8 @@ mod tests {
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
         assert_eq!(others.confirmation, Confirmation::Others);
-        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }), 79);
+        let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();
+        assert_eq!(mode.confirmation, Confirmation::Mode);
         assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
         let long = doc! { "wtimeout": 1_i64 << 31 };

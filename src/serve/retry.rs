@@ -9,6 +9,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use super::access::RECORDS;
 use super::failure::{Failure, codes};
 use super::session::{Finished, Once, SessionId};
+use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::query::decode;
 use crate::store::{Find, Namespace, StoreError};
@@ -23,11 +24,11 @@ fn records(ns: &Namespace) -> Namespace {
 /// What a write was answered when it was done before.
 ///
 /// # Errors
-/// Where the session has done a later one since.
+/// Where the session has done a later one since, or this one with other statements.
 pub(super) fn recall(
     memory: &Memory,
     ns: &Namespace,
-    once: &Once,
+    Repeatable { once, statements }: &Repeatable,
     last: Option<Finished>,
 ) -> Result<Option<RawDocumentBuf>, Failure> {
     match last {
@@ -41,7 +42,14 @@ pub(super) fn recall(
         return Err(too_old(once, number));
     }
     match record.get("reply") {
-        Some(Bson::Document(reply)) if number == once.number => Ok(Some(RawDocumentBuf::try_from(reply)?)),
+        Some(Bson::Document(reply)) if number == once.number => {
+            // A record of an earlier rmem has none.
+            let kept = record.get_array("statements").ok().map(|kept| kept.iter().filter_map(Bson::as_i64).collect());
+            if kept.is_some_and(|kept: Vec<i64>| kept != statements.numbers) {
+                return Err(Failure::unsupported("repeating a write with other statements (stmtIds) than it had"));
+            }
+            Ok(Some(RawDocumentBuf::try_from(&statements.repeated(reply.clone()))?))
+        }
         _ => Ok(None),
     }
 }
@@ -62,11 +70,18 @@ fn too_old(once: &Once, last: i64) -> Failure {
 }
 
 /// Keeps what a write is answered. In the write only.
-pub(super) fn keep(memory: &Memory, ns: &Namespace, once: &Once, reply: &RawDocumentBuf) -> Result<(), Failure> {
+pub(super) fn keep(
+    memory: &Memory,
+    ns: &Namespace,
+    once: &Once,
+    statements: &[i64],
+    reply: &RawDocumentBuf,
+) -> Result<(), Failure> {
     let record = doc! {
         "_id": once.session.to_bson(),
         "number": once.number,
         "at": DateTime::now(),
+        "statements": statements.to_vec(),
         "reply": decode(reply)?,
     };
     let records = records(ns);

@@ -15,6 +15,7 @@ use super::changes::Scopes;
 use super::clock::Clock;
 use super::cursor::Cursors;
 use super::failure::{Failure, codes};
+use super::files::{Files, Moved};
 use super::hub::Hub;
 use super::job::{Job, JobQueue};
 use super::session::Sessions;
@@ -62,6 +63,7 @@ pub struct Server {
     pub(super) readings: Readings,
     pub(super) clock: Clock,
     pub(super) turns: Turns,
+    files: Files,
     pub(super) counters: Counters,
     pub(super) started: DateTime,
     pub(super) since: Instant,
@@ -103,6 +105,7 @@ impl Server {
             readings: Readings::default(),
             clock: Clock::default(),
             turns: Turns::default(),
+            files: Files::default(),
             counters: Counters::default(),
             started: DateTime::now(),
             since: Instant::now(),
@@ -114,7 +117,19 @@ impl Server {
     }
 
     pub(super) fn open(&self) -> Result<Memory, Failure> {
-        Ok((self.open)()?)
+        self.check_files()?;
+        let memory = (self.open)()?;
+        // Another file may have taken the name since.
+        self.check_files()?;
+        Ok(memory)
+    }
+
+    /// Looks whether the files that are served still have their names.
+    ///
+    /// # Errors
+    /// Where one has been moved or removed.
+    pub fn check_files(&self) -> Result<(), Moved> {
+        self.files.check()
     }
 
     /// How clients see metadata that are not rmem themselves.
@@ -126,11 +141,12 @@ impl Server {
         self.ids.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// Notifies waiting threads of the changes that other processes make to a file.
+    /// Serves a file from now on, and notifies waiting threads of the changes that other processes make to it.
     ///
     /// # Errors
     /// Where the system has no more threads to give.
     pub fn listen_at(self: &Arc<Self>, file: &Path) -> std::io::Result<()> {
+        self.files.add(file);
         let (server, notifier) = (Arc::clone(self), Notifier::new(file));
         let listen = move || {
             while !server.is_stopping() {

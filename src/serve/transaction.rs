@@ -114,7 +114,8 @@ impl Open {
                 end = Some(ended);
                 if is_kept { self.note(memory) } else { Err(undone(memory)) }
             };
-            memory.as_one(&ns, work).map_err(Failure::from)
+            memory.as_one(&ns, work)?;
+            Ok(context.server.check_files()?)
         });
         let how = match &end {
             Some(End::Conflict) => How::Conflicted,
@@ -142,7 +143,7 @@ impl Open {
 
     /// Notes, in the transaction, that it was committed.
     fn note(&self, memory: &Memory) -> Result<(), StoreError> {
-        let kept = retry::keep(memory, &records(), &self.once, &RawDocumentBuf::new());
+        let kept = retry::keep(memory, &records(), &self.once, &[], &RawDocumentBuf::new());
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 
@@ -153,7 +154,7 @@ impl Open {
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let mut host = match Host::new(context.server, context.memory, true) {
+        let mut host = match Host::new(context.server, context.server.next_id(), context.memory, true) {
             Ok(host) => host,
             Err(failure) => {
                 reply.answer(Err(failure));
@@ -211,7 +212,7 @@ impl Open {
     fn is_superseded(&self, job: &Job) -> bool {
         let once = match job {
             Job::Step(step) => Some(&step.once).filter(|_| step.is_first()),
-            Job::Write { once, .. } => once.as_ref(),
+            Job::Write { once, .. } => once.as_ref().map(|repeatable| &repeatable.once),
             Job::Abandon(_) | Job::Stop => None,
         };
         once.is_some_and(|once| once.session == self.once.session && once.number > self.once.number)

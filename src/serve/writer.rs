@@ -18,6 +18,7 @@ use super::panic;
 use super::retry;
 use super::server::Server;
 use super::session::{Finished, Once};
+use super::statements::Repeatable;
 use super::transaction;
 use super::writer_context::WriterContext;
 use crate::memory::Memory;
@@ -51,7 +52,7 @@ impl WriterContext<'_> {
         let mut beat = Instant::now();
         loop {
             match self.next(BEAT.saturating_sub(beat.elapsed())) {
-                Some(Job::Stop) => return,
+                Some(Job::Stop) => return self.fold(),
                 Some(job) => self.perform(job),
                 None => {}
             }
@@ -62,7 +63,21 @@ impl WriterContext<'_> {
         }
     }
 
+    /// Brings what was acknowledged into a file that has been moved: its log stays at its old name.
+    fn fold(&self) {
+        if self.server.check_files().is_err()
+            && let Some(memory) = self.memory.opened()
+        {
+            // What clients still read keeps a part from it; then it is tried again at the end.
+            let _ = memory.fold();
+        }
+    }
+
     fn perform(&mut self, job: Job) {
+        if let Err(moved) = self.server.check_files() {
+            self.fold();
+            return job.refuse(&moved.into());
+        }
         match job {
             Job::Write { ns, once, work, reply } => self.group(Write { ns, once, work, reply }),
             Job::Step(step) => transaction::run(self, step),
@@ -87,7 +102,8 @@ impl WriterContext<'_> {
                 }
                 Ok(())
             };
-            memory.as_one(&ns, work).map_err(Failure::from)
+            memory.as_one(&ns, work)?;
+            Ok(self.server.check_files()?)
         });
         if let Some(write) = next {
             // It could not even begin.
@@ -114,19 +130,20 @@ impl WriterContext<'_> {
     }
 
     /// One write of several: where it fails, it has done nothing.
-    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Once>, work: Work) -> Answer {
-        if let Some(once) = &once
-            && let Some(answer) = retry::recall(memory, ns, once, self.server.sessions.last(&once.session))?
+    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Repeatable>, work: Work) -> Answer {
+        if let Some(write) = &once
+            && let Some(answer) = retry::recall(memory, ns, write, self.server.sessions.last(&write.once.session))?
         {
             return Ok(answer);
         }
         let answer = attempt(memory, ns, |memory| {
             let answer = panic::caught(|| work(memory))?;
-            once.iter().try_for_each(|once| retry::keep(memory, ns, once, &answer))?;
+            let mut writes = once.iter();
+            writes.try_for_each(|write| retry::keep(memory, ns, &write.once, &write.statements.numbers, &answer))?;
             Ok(answer)
         })?;
         self.server.clock.wrote();
-        if let Some(Once { session, number }) = once {
+        if let Some(Repeatable { once: Once { session, number }, .. }) = once {
             self.server.sessions.finish(&session, Finished::write(number));
         }
         Ok(answer)
@@ -135,6 +152,9 @@ impl WriterContext<'_> {
     /// Lets go of what is too old.
     fn look_after(&mut self) {
         self.server.sessions.forget(MEMORY);
+        if self.server.check_files().is_err() {
+            return self.fold();
+        }
         let Ok(memory) = self.memory.get() else { return };
         // What cannot be done now is done at the next beat.
         let _ = self.server.scopes.look_after(memory);
@@ -148,7 +168,7 @@ impl WriterContext<'_> {
 
 struct Write {
     ns: Namespace,
-    once: Option<Once>,
+    once: Option<Repeatable>,
     work: Work,
     reply: Reply,
 }

@@ -7,6 +7,9 @@ use super::taken_key::TakenKey;
 use crate::fault::{AtFault, Fault};
 use crate::query::QueryError;
 
+/// What is said of a write of which it is not known whether the server did it: the connection was lost meanwhile.
+pub(super) const UNKNOWN: &str = "is not known";
+
 /// Why a store did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -96,6 +99,16 @@ impl AtFault for StoreError {
 }
 
 impl StoreError {
+    /// Whether a server was not reached, so that certainly nothing was done.
+    #[must_use]
+    pub fn is_unsent(&self) -> bool {
+        match self {
+            Self::Unreachable { reason, .. } => !reason.ends_with(UNKNOWN),
+            Self::Stopped { stored, source, .. } => stored.is_empty() && source.is_unsent(),
+            _ => false,
+        }
+    }
+
     /// Returns the error for a computable that failed.
     pub(crate) fn computable(name: &str, error: impl AtFault) -> Self {
         Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }

@@ -280,6 +280,30 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// How a view is defined (`viewOn`, `pipeline`); none where the name is that of a collection, or of nothing.
+    fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
+        let _ = ns;
+        Ok(None)
+    }
+
+    /// Reports to those that follow a database, where the store keeps changes, that it was removed; its collections were
+    /// dropped before.
+    fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        let _ = database;
+        Ok(())
+    }
+
+    /// The number of the collection that has a name, where the store numbers them: one that takes the name later has another.
+    fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        let _ = ns;
+        Ok(None)
+    }
+
+    /// Brings what is in a write-ahead log into the file itself, where the store has one.
+    fn fold(&self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     /// Whether documents that may be stored could be in a collection for a moment with no visible effect: no index would
     /// refuse or remove them, strings compare byte by byte, and no [`Store::watch`] gets computed documents.
     fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {

@@ -22,6 +22,8 @@ pub enum ChangeKind {
     /// anew: what a rename, `restore --drop` or `$out` puts in its place follows as
     /// inserts.
     Drop,
+    /// A database was removed, after its collections: kept for scopes that are a database or everything.
+    DropDatabase,
 }
 
 impl ChangeKind {
@@ -34,6 +36,7 @@ impl ChangeKind {
             Self::Replace => "replace",
             Self::Delete => "delete",
             Self::Drop => "drop",
+            Self::DropDatabase => "dropDatabase",
         }
     }
 }

@@ -40,7 +40,13 @@ impl Shape {
         if has_after || (is_update && self.after != After::No) {
             event.insert("fullDocument", checked(&after, self.after == After::Required)?);
         }
-        event.insert("ns", doc! { "db": &ns.database, "coll": &ns.collection });
+        event.insert(
+            "ns",
+            match change.kind {
+                ChangeKind::DropDatabase => doc! { "db": &ns.database },
+                _ => doc! { "db": &ns.database, "coll": &ns.collection },
+            },
+        );
         event.extend(change.id.map(|id| ("documentKey".to_owned(), doc! { "_id": id }.into())));
         if let (true, Some(before), Some(after)) = (is_update, &before, &after) {
             event.insert("updateDescription", difference::describe(before, after));

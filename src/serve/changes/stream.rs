@@ -82,6 +82,9 @@ impl Stream {
             token: Token { position, place: Place::Between },
             is_over: false,
         };
+        if matches!(spec.start, Start::Behind(Token { place: Place::Change, .. })) {
+            stream.end_behind(memory)?;
+        }
         // What is not kept any more is an error now, not later.
         stream.turn(memory)?;
         Ok(stream)
@@ -132,8 +135,7 @@ impl Stream {
         let mut events = Vec::new();
         for (ns, change) in page.changes {
             let position = change.position.parse().unwrap_or(page.until);
-            let ends = change.kind == ChangeKind::Drop && matches!(self.scope, Scope::Collection(_));
-            let at = change.time;
+            let (ends, at) = (is_end(&self.scope, change.kind), change.time);
             if let Some(event) = self.shape.event(&ns, change, position)? {
                 events.push((Token { position, place: Place::Change }, event));
             }
@@ -148,6 +150,23 @@ impl Stream {
             self.pending.extend(self.through_stages(token, &event)?);
         }
         Ok(!is_empty)
+    }
+
+    /// Ends, where the change that the stream is to go on behind has ended it before.
+    fn end_behind(&mut self, memory: &Memory) -> Result<(), Failure> {
+        // Where the change itself is not kept any more, it is not known; those behind it are there.
+        let Ok(page) = memory.changes(&self.scope, self.position - 1, 1) else { return Ok(()) };
+        let end = page
+            .changes
+            .first()
+            .filter(|(_, change)| change.position.parse() == Ok(self.position) && is_end(&self.scope, change.kind));
+        if let Some((_, change)) = end {
+            let token = Token { position: self.position, place: Place::End };
+            let event = invalidate(change.time, self.position);
+            self.pending.extend(self.through_stages(token, &event)?);
+            self.is_over = true;
+        }
+        Ok(())
     }
 
     fn through_stages(&self, token: Token, event: &Document) -> Result<Option<(Token, RawDocumentBuf)>, Failure> {
@@ -168,5 +187,14 @@ impl Stream {
             return Err(Failure::new(codes::STREAM_FATAL, message).labeled(NOT_RESUMABLE));
         }
         Ok(Some((token, result)))
+    }
+}
+
+/// Whether a change ends the streams of a scope: the collection or the database is gone.
+fn is_end(scope: &Scope, kind: ChangeKind) -> bool {
+    match scope {
+        Scope::Collection(_) => kind == ChangeKind::Drop,
+        Scope::Database(_) => kind == ChangeKind::DropDatabase,
+        Scope::All => false,
     }
 }

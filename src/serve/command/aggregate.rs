@@ -126,6 +126,8 @@ fn write(memory: &Memory, call: &Call) -> Answer {
         return Err(Failure::new(codes::INVALID_OPTIONS, message));
     }
     batch(fields)?;
+    // Behind `$changeStream`, neither of them may be.
+    Spec::read(&call.request, &stages)?;
     check_source(&ns, &stages)?;
     let aggregation = Aggregation { stages: &stages, modifiers: &fields.modifiers()? };
     call.access(memory).aggregate(&ns, aggregation)?.try_for_each(|document| document.map(drop))?;
@@ -157,6 +159,11 @@ fn own_source(
 ) -> Result<Option<Vec<Document>>, Failure> {
     let Some((name, argument)) = stages.first().and_then(|stage| stage.iter().next()) else { return Ok(None) };
     let memory = host.memory()?;
+    let is_own = matches!(name.as_str(), "$collStats" | "$indexStats" | "$currentOp" | "$planCacheStats");
+    if is_own && call.request.is_in_transaction() {
+        let message = format!("Stage not supported inside of a multi-document transaction: {name}");
+        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+    }
     Ok(Some(match name.as_str() {
         "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
         "$indexStats" => statistics::indexes(memory, ns)?,
@@ -245,7 +252,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         0
     } else {
         let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
-        host.server.cursors.open(Open { namespace: ns.clone(), origin: call.request.origin(), owner })?
+        host.server.cursors.open(Open::new(ns.clone(), call.request.origin(), owner, host.id))?
     };
     super::cursor::stream_reply(id, &ns.to_string(), &first, true)
 }

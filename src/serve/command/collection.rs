@@ -3,14 +3,14 @@
 use bson::{Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
-use crate::memory::Memory;
+use crate::memory::{Listed, Memory};
 use crate::query::{Collation, Filter};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
-use crate::store::{Index, Namespace};
+use crate::store::{Index, Namespace, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("create", create).transactional(),
@@ -74,8 +74,13 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     let read = |text: Option<&str>, name: &str| -> Result<Namespace, Failure> {
         let text = text.ok_or_else(|| fields.missing(name))?;
         let (database, collection) = text.split_once('.').unwrap_or((text, ""));
-        namespace(database, collection)
+        namespace(database, if collection.is_empty() { "" } else { "x" })?;
+        namespace(database, collection).map_err(|failure| Failure { code: codes::ILLEGAL, ..failure })
     };
+    if call.request.database != "admin" {
+        let message = "renameCollection may only be run against the admin database.";
+        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    }
     let (from, to) = (read(fields.text("renameCollection")?, "renameCollection")?, read(fields.text("to")?, "to")?);
     if from.database != to.database {
         return Err(Failure::unsupported("renaming a collection into another database"));
@@ -143,11 +148,15 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let mut names = call.access(memory).collections()?;
     names.retain(|ns| ns.database == database);
     for ns in names {
-        let collation = if name_only { None } else { memory.collation(&ns)? };
-        let listed = RawDocumentBuf::try_from(&described(&ns, collation.as_ref()))?;
-        if filter.matches(&listed)? {
-            let short = doc! { "name": &ns.collection, "type": "collection" };
-            documents.push(Ok(if name_only { RawDocumentBuf::try_from(&short)? } else { listed }));
+        let listed = match memory.collection_or_view(&ns)? {
+            Listed::Collection(indexes) => described(&ns, index::collation(&indexes).as_ref()),
+            Listed::View(options) => {
+                doc! { "name": &ns.collection, "type": "view", "options": options, "info": { "readOnly": true } }
+            }
+        };
+        if filter.matches(&RawDocumentBuf::try_from(&listed)?)? {
+            let short = || listed.iter().take(2).map(|(name, value)| (name.clone(), value.clone())).collect();
+            documents.push(Ok(RawDocumentBuf::try_from(&if name_only { short() } else { listed })?));
         }
     }
     let size = fields.document("cursor")?.map(|cursor| Fields::new("cursor", cursor).size("batchSize")).transpose()?;

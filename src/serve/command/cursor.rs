@@ -41,6 +41,7 @@ fn more(host: &mut Host<'_>, call: &Call) -> Answer {
         );
         return Err(Failure::new(codes::UNAUTHORIZED, message));
     }
+    cursors.touch(id, host.id);
     let batch = fields.size("batchSize")?;
     match &open.owner {
         Owner::Thread(_) => host.more(id, &open, batch),

@@ -60,6 +60,7 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     }
     let mut reply = Document::new();
     if !all.is_empty() {
+        memory.note_dropped(&call.request.database)?;
         reply.insert("dropped", &call.request.database);
     }
     raw(&reply)

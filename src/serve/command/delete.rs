@@ -17,7 +17,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
-    let (ordered, mut outcome) = (is_ordered(fields)?, Outcome::default());
+    let (ordered, mut outcome) = (is_ordered(call)?, Outcome::default());
     let statements = statements(fields, "deletes")?;
     let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("delete.deletes", one)).collect();
     for statement in &statements {
@@ -28,7 +28,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
             Ok(count) => outcome.n += count,
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }

@@ -37,6 +37,12 @@ fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
         "find" => find::read(fields)?,
         "count" => Find { filter: fields.document_or_empty("query")?, ..Find::default() },
         "distinct" => Find { filter: fields.document_or_empty("query")?, ..Find::default() },
+        "mapReduce" => Find {
+            filter: fields.document_or_empty("query")?,
+            sort: fields.document_or_empty("sort")?,
+            limit: fields.size("limit")?.unwrap_or(0),
+            ..Find::default()
+        },
         "findAndModify" => Find {
             filter: fields.document_or_empty("query")?,
             sort: fields.document_or_empty("sort")?,

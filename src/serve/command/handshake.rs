@@ -107,7 +107,8 @@ fn size(bytes: usize) -> i32 {
     i32::try_from(bytes).unwrap_or(i32::MAX)
 }
 
-fn ping(_: &mut Client, _: &Server, _: &Request) -> Answer {
+fn ping(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.fields().known(&[])?;
     crate::serve::host::empty()
 }
 

@@ -7,9 +7,9 @@ use crate::memory::Memory;
 use crate::serve::access::Metadata;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::Fields;
+use crate::serve::fields::{Fields, whole};
 use crate::serve::host::{FirstBatch, Host};
-use crate::store::{Index, Namespace, index};
+use crate::store::{Find, Index, Namespace, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("createIndexes", create).transactional(),
@@ -18,6 +18,40 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("listIndexes", list),
 ];
 
+/// What the definition of an index may say.
+const OPTIONS: [&str; 27] = [
+    "2dsphereIndexVersion",
+    "background",
+    "bits",
+    "bucketSize",
+    "clustered",
+    "coarsestIndexedLevel",
+    "collation",
+    "default_language",
+    "dropDups",
+    "expireAfterSeconds",
+    "finestIndexedLevel",
+    "hidden",
+    "key",
+    "language_override",
+    "max",
+    "min",
+    "name",
+    "ns",
+    "partialFilterExpression",
+    "prepareUnique",
+    "sparse",
+    "storageEngine",
+    "textIndexVersion",
+    "unique",
+    "v",
+    "weights",
+    "wildcardProjection",
+];
+
+/// What that of the index on `_id` may say.
+const OF_ID: [&str; 5] = ["collation", "key", "name", "ns", "v"];
+
 fn create(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.known(&["indexes", "commitQuorum", "ignoreUnknownIndexOptions"])?;
@@ -25,11 +59,23 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     if definitions.is_empty() {
         return Err(Failure::new(codes::BAD_VALUE, "Must specify at least one index to create"));
     }
-    let definitions = definitions.into_iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    check_quorum(fields)?;
+    let skips_unknown = fields.flag("ignoreUnknownIndexOptions")?;
+    let definitions = definitions.into_iter().map(|definition| read(definition, skips_unknown));
+    let definitions = definitions.collect::<Result<Vec<_>, _>>()?;
+    if definitions.iter().enumerate().any(|(nth, index)| definitions.iter().take(nth).any(|other| other.is_same(index)))
+    {
+        return Err(Failure::new(codes::INDEX_EXISTS, "Identical index already exists: the command names it twice"));
+    }
     let made = memory.create_collection(&ns, None)?;
     let before = shown(memory, call, &ns)?.len();
     for definition in &definitions {
-        memory.create_index(&ns, definition)?;
+        let is_new = memory.create_index(&ns, definition)?;
+        if is_new && !made && call.request.is_in_transaction() && !is_empty(memory, &ns)? {
+            let message =
+                format!("Cannot create new indexes on existing collection {ns} in a multi-document transaction.");
+            return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+        }
     }
     let after = shown(memory, call, &ns)?.len();
     let mut reply = doc! {
@@ -43,8 +89,78 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     raw(&reply)
 }
 
-fn read(definition: &Document) -> Result<Index, Failure> {
+fn is_empty(memory: &Memory, ns: &Namespace) -> Result<bool, Failure> {
+    let find = Find { limit: 1, ..Find::default() };
+    Ok(memory.bare(ns)?.find(ns, &find)?.next().transpose()?.is_none())
+}
+
+/// There is one member, which votes.
+fn check_quorum(fields: Fields<'_>) -> Result<(), Failure> {
+    match fields.document.get("commitQuorum") {
+        None => Ok(()),
+        Some(Bson::String(mode)) if mode == "majority" || mode == "votingMembers" => Ok(()),
+        Some(Bson::String(mode)) => {
+            let message = format!("No write concern mode named '{mode}' found in replica set configuration");
+            Err(Failure::new(79, message))
+        }
+        Some(_) => match fields.whole("commitQuorum")? {
+            None | Some(0 | 1) => Ok(()),
+            Some(2..=50) => {
+                Err(Failure::new(278, "Not enough data-bearing nodes to satisfy commit quorum: rmem is one member"))
+            }
+            Some(_) => {
+                let message = "commitQuorum has to be a non-negative number and not greater than 50";
+                Err(Failure::new(codes::FAILED_TO_PARSE, message))
+            }
+        },
+    }
+}
+
+/// Refuses a definition that is none in MongoDB, with its codes.
+fn check(definition: &Document) -> Result<(), Failure> {
+    let cannot = |message: String| Err(Failure::new(codes::CANNOT_CREATE_INDEX, message));
+    let fields = Fields::new("createIndexes.indexes", definition);
+    if let Some(version) = fields.whole("v")?.filter(|version| !matches!(version, 1 | 2)) {
+        return cannot(format!("cannot create an index with version {version}; there are 1 and 2"));
+    }
+    let Some(keys) = fields.document("key")? else { return Ok(()) };
+    let is_kind = |kind: &str| ["2d", "2dsphere", "geoHaystack", "hashed", "text"].contains(&kind);
+    if let Some(kind) = keys.values().filter_map(Bson::as_str).find(|kind| !is_kind(kind)) {
+        return cannot(format!("Unknown index plugin '{kind}'"));
+    }
+    let direction = keys.get("_id").and_then(whole).filter(|_| keys.len() == 1);
+    let invalid = |message: String| Err(Failure::new(codes::BAD_VALUE, message));
+    match (fields.text("name")?, direction) {
+        (Some("*"), _) => invalid("The index name '*' is not valid.".to_owned()),
+        (_, Some(..0)) => invalid(format!("The field 'key' for an _id index must be {{_id: 1}}, but got {keys}")),
+        (Some(index::ID), None) => {
+            let message = format!(
+                "The index name '_id_' is reserved for the _id index, which has the key {{_id: 1}}, not {keys}"
+            );
+            invalid(message)
+        }
+        (_, Some(_)) => match definition.keys().find(|name| !OF_ID.contains(&name.as_str())) {
+            Some(other) => Err(not_valid(other, "an _id index")),
+            None => Ok(()),
+        },
+        _ => Ok(()),
+    }
+}
+
+fn not_valid(option: &str, what: &str) -> Failure {
+    let message = format!("The field '{option}' is not valid for {what} specification.");
+    Failure::new(codes::INVALID_INDEX_OPTION, message)
+}
+
+fn read(definition: &Document, skips_unknown: bool) -> Result<Index, Failure> {
     let mut definition = definition.clone();
+    if let Some(unknown) = definition.keys().find(|name| !OPTIONS.contains(&name.as_str())).cloned() {
+        if !skips_unknown {
+            return Err(not_valid(&unknown, "an index"));
+        }
+        definition = definition.into_iter().filter(|(name, _)| OPTIONS.contains(&name.as_str())).collect();
+    }
+    check(&definition)?;
     // An option whose value says nothing.
     if definition.get_bool("hidden").is_ok_and(|hidden| !hidden) {
         definition.remove("hidden");

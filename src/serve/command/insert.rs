@@ -12,8 +12,8 @@ pub(super) const COMMANDS: &[Command] = &[Command::write("insert", insert).trans
 
 fn insert(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &["let", "documents"]].concat())?;
-    let (ordered, documents) = (is_ordered(fields)?, statements(fields, "documents")?);
+    fields.known(&[&COMMON[..], &["documents"]].concat())?;
+    let (ordered, documents) = (is_ordered(call)?, statements(fields, "documents")?);
     let (mut outcome, mut start, mut size) = (Outcome::default(), 0, documents.len());
     // Documents are stored together, up to the next one that is refused. Where one was, the next are likely to be: few are
     // tried at first, so that the work does not grow with the square of their number.
@@ -32,7 +32,7 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
                 let index = start + stored;
                 let id = documents.get(index).and_then(|document| document.get("_id"));
                 let failure = described(Failure::from(error), id);
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
                 start = index + 1;

@@ -18,6 +18,9 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::here("connectionStatus", status).open(),
 ];
 
+/// The database at which all users log in.
+const USERS: &str = "admin";
+
 fn start(client: &mut Client, server: &Server, request: &Request) -> Answer {
     raw(&begin(client, server, request.fields(), &request.database)?)
 }
@@ -37,6 +40,12 @@ fn begin(client: &mut Client, server: &Server, fields: Fields<'_>, database: &st
             "this memory is served without users; connect without a user name",
         ));
     };
+    if database != USERS {
+        let message = format!(
+            "Authentication failed: the users of rmem serve are those of {USERS}; add authSource={USERS} to the URI"
+        );
+        return Err(Failure::new(codes::AUTHENTICATION, message));
+    }
     if mechanism != MECHANISM {
         let message = format!("the mechanism {mechanism} is not offered; use {MECHANISM}");
         return Err(Failure::new(codes::NO_MECHANISM, message));
@@ -80,6 +89,7 @@ fn logout(client: &mut Client, _: &Server, _: &Request) -> Answer {
 }
 
 fn status(client: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.fields().known(&["showPrivileges"])?;
     let users: Vec<Bson> =
         client.user.iter().map(|user| doc! { "user": &user.name, "db": &user.database }.into()).collect();
     let roles: Vec<Bson> = client.user.iter().map(|_| doc! { "role": "root", "db": "admin" }.into()).collect();

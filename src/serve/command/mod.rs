@@ -41,6 +41,7 @@ use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
 use super::session::{Finished, How, Once, started, superseded};
+use super::statements::{Repeatable, Statements};
 use super::wire::Form;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
@@ -79,7 +80,8 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    let confirmation = request.confirmation;
+    let (confirmation, home) = (request.confirmation, home(&request));
+    let (mode, is_abort) = (request.mode(), request.name == "abortTransaction");
     let unconfirmed = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
@@ -89,8 +91,20 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
         return Ok(unconfirmed);
     }
-    if confirmation == Confirmation::Others {
-        let message = "Not enough data-bearing nodes: rmem is one member";
+    // An abort writes nothing that could be confirmed.
+    if confirmation == Confirmation::Mode && !is_abort {
+        let message = format!("No write concern mode named '{mode}' found in replica set configuration");
+        let error = rawdoc! { "code": 79, "codeName": "UnknownReplWriteConcern", "errmsg": message };
+        reply.append(cstr!("writeConcernError"), error);
+    }
+    if confirmation == Confirmation::Others && !is_abort {
+        let message = match host.memory()?.is_current(&home)? {
+            true => "Not enough data-bearing nodes: rmem is one member",
+            false => {
+                "it was written as the URI of --memory says, by default to a majority of the members: the write concern of \
+                 a client is not passed on to them"
+            }
+        };
         let error = rawdoc! { "code": 100, "codeName": "UnsatisfiableWriteConcern", "errmsg": message };
         reply.append(cstr!("writeConcernError"), error);
     }
@@ -110,7 +124,10 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     }
     check_number(command, &request)?;
     if let Run::Here(run) = command.run {
-        return run(client, &server, &request);
+        return match request.is_in_transaction() {
+            true => Err(outside_only(command)),
+            false => run(client, &server, &request),
+        };
     }
     let call = Call { request, metadata: client.metadata, author: Arc::clone(&client.author) };
     if call.request.is_in_transaction() {
@@ -165,6 +182,8 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         }
         host.server.readings.end_before(once);
     }
+    let statements = once.is_some().then(|| Statements::read(&call.request)).transpose()?;
+    let once = once.zip(statements).map(|(once, statements)| Repeatable { once, statements });
     let (home, deadline) = (home(&call.request), call.request.deadline());
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
@@ -184,8 +203,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         return Err(Failure::new(codes::INTERNAL, "a transaction without a session"));
     };
     if !command.in_transaction {
-        let message = format!("Cannot run '{}' in a multi-document transaction.", command.name);
-        return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
+        return Err(outside_only(command));
     }
     check_in_transaction(&call.request, part.starts)?;
     let ns = home(&call.request);
@@ -213,6 +231,12 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         }
         None => step(host, command, once, part.starts, &Arc::new(call)),
     }
+}
+
+/// The failure of a command that is of no transaction, and leaves the one that is open as it is.
+fn outside_only(command: &Command) -> Failure {
+    let message = format!("Cannot run '{}' in a multi-document transaction.", command.name);
+    Failure::new(codes::NOT_IN_TRANSACTION, message)
 }
 
 /// Refuses what a command of a transaction may not say: only the first says what it reads, and only the last who confirms it.

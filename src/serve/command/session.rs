@@ -32,6 +32,7 @@ fn refresh(_: &mut Client, _: &Server, request: &Request) -> Answer {
 }
 
 fn end(host: &mut Host<'_>, call: &Call) -> Answer {
+    call.request.fields().known(&[])?;
     let sessions = sessions(&call.request)?;
     host.server.cursors.kill_all(|origin| origin.session.as_ref().is_some_and(|session| sessions.contains(session)));
     host.server.readings.end_all(|session| sessions.contains(session));

@@ -3,7 +3,7 @@
 use bson::{Bson, DateTime, Document, doc};
 
 use super::definition::{Command, raw};
-use crate::memory::Memory;
+use crate::memory::{Listed, Memory};
 use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
@@ -29,9 +29,12 @@ fn size(memory: &Memory, ns: &Namespace) -> Result<Size, Failure> {
     Ok(Size { count: number("count"), bytes: number("bytes") })
 }
 
-/// The bytes of the documents of some collections.
+/// The bytes of the documents of some collections; views have none of their own.
 pub(super) fn bytes(memory: &Memory, collections: &[Namespace]) -> Result<i64, Failure> {
-    collections.iter().try_fold(0, |sum, ns| Ok(sum + size(memory, ns)?.bytes))
+    collections.iter().try_fold(0, |sum, ns| match memory.collection_or_view(ns)? {
+        Listed::Collection(_) => Ok(sum + size(memory, ns)?.bytes),
+        Listed::View(_) => Ok(sum),
+    })
 }
 
 /// What is known of a collection's size, in a unit.
@@ -81,17 +84,24 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     let mut all = call.access(memory).collections()?;
     all.retain(|ns| ns.database == call.request.database);
     let (mut sum, mut indexes) = (Size::default(), 0);
+    let mut views = 0_i64;
     for ns in &all {
+        match memory.collection_or_view(ns)? {
+            Listed::Collection(own) => indexes += own.len(),
+            Listed::View(_) => {
+                views += 1;
+                continue;
+            }
+        }
         let one = size(memory, ns)?;
         sum = Size { count: sum.count + one.count, bytes: sum.bytes + one.bytes };
-        indexes += memory.indexes(ns)?.len();
     }
     #[expect(clippy::cast_precision_loss, reason = "MongoDB has doubles here, too")]
     let double = |number: i64| number as f64;
     raw(&doc! {
         "db": &call.request.database,
-        "collections": i64::try_from(all.len()).unwrap_or(i64::MAX),
-        "views": 0_i64,
+        "collections": i64::try_from(all.len()).unwrap_or(i64::MAX) - views,
+        "views": views,
         "objects": sum.count,
         "avgObjSize": if sum.count > 0 { double(sum.bytes) / double(sum.count) } else { 0.0 },
         "dataSize": double(sum.bytes / scale),

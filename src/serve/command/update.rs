@@ -16,7 +16,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     fields.known(&[&COMMON[..], &["updates", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
-    let ordered = is_ordered(fields)?;
+    let ordered = is_ordered(call)?;
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
     let statements = statements(fields, "updates")?;
     let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("update.updates", one)).collect();
@@ -33,7 +33,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             }
             Err(failure) if is_of_command(&failure) => return Err(failure),
             Err(failure) => {
-                if !outcome.fail(index, &failure, ordered) {
+                if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }

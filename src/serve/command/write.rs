@@ -16,9 +16,16 @@ pub(super) struct Outcome {
 
 impl Outcome {
     /// Notes that a statement failed; says whether those behind it are to be done.
-    pub(super) fn fail(&mut self, index: usize, failure: &Failure, is_ordered: bool) -> bool {
+    ///
+    /// # Errors
+    /// Where a server is not reached before anything was done: the command as a whole has failed then.
+    pub(super) fn fail(&mut self, index: usize, failure: Failure, is_ordered: bool) -> Result<bool, Failure> {
+        let is_unreachable = failure.code == codes::UNREACHABLE;
+        if is_unreachable && self.n == 0 && self.errors.is_empty() {
+            return Err(failure);
+        }
         self.errors.push(failure.write_error(index));
-        !is_ordered
+        Ok(!is_ordered && !is_unreachable)
     }
 
     /// The answer, with what belongs to it.
@@ -32,9 +39,10 @@ impl Outcome {
     }
 }
 
-/// Whether a statement that fails keeps those behind it from being done.
-pub(super) fn is_ordered(fields: Fields<'_>) -> Result<bool, Failure> {
-    Ok(fields.optional_flag("ordered")?.unwrap_or(true))
+/// Whether a statement that fails keeps those behind it from being done; in a transaction it does so always.
+pub(super) fn is_ordered(call: &Call) -> Result<bool, Failure> {
+    let asked = call.request.fields().optional_flag("ordered")?.unwrap_or(true);
+    Ok(asked || call.request.is_in_transaction())
 }
 
 /// The statements of a command, of which there has to be one at least.
@@ -62,3 +70,17 @@ pub(super) fn check_repeatable(call: &Call, is_many: bool) -> Result<(), Failure
 
 /// Fields that say how a write is made, and that every one may have.
 pub(super) const COMMON: [&str; 5] = ["ordered", "bypassDocumentValidation", "stmtId", "stmtIds", "runtimeConstants"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_that_is_not_reached_fails_the_command_where_nothing_was_done() {
+        let unreachable = || Failure::new(codes::UNREACHABLE, "gone");
+        assert!(Outcome::default().fail(0, unreachable(), false).is_err());
+        let mut some = Outcome { n: 1, ..Outcome::default() };
+        assert_eq!(some.fail(1, unreachable(), false), Ok(false));
+        assert_eq!(some.fail(2, Failure::new(codes::DUPLICATE, "taken"), false), Ok(true));
+    }
+}

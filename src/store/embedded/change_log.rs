@@ -53,6 +53,11 @@ impl<'a> Noted<'a> {
         Self { kind: ChangeKind::Drop, before: collation, after: None, place: None, of_history: false }
     }
 
+    /// The end of a database.
+    pub(super) fn drop_database() -> Self {
+        Self { kind: ChangeKind::DropDatabase, ..Self::drop(None) }
+    }
+
     /// The same, for the history.
     pub(super) fn of_history(self) -> Self {
         Self { of_history: true, ..self }
@@ -160,16 +165,19 @@ fn code(kind: ChangeKind) -> i64 {
         ChangeKind::Replace => 2,
         ChangeKind::Delete => 3,
         ChangeKind::Drop => 4,
+        ChangeKind::DropDatabase => 7,
     }
 }
 
 /// The kind that was stored as a number.
 pub(super) fn kind(code: i64) -> Option<ChangeKind> {
-    use ChangeKind::{Delete, Drop, Insert, Replace, Update};
+    use ChangeKind::{Delete, Drop, DropDatabase, Insert, Replace, Update};
     match code {
         DROPPED => Some(Delete),
         DROPPED_UNKEPT => Some(Drop),
-        code => [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| self::code(*kind) == code),
+        code => {
+            [Insert, Update, Replace, Delete, Drop, DropDatabase].into_iter().find(|kind| self::code(*kind) == code)
+        }
     }
 }
 

@@ -509,7 +509,7 @@ fn conflict(wanted: &Index, present: &[Indexed]) -> Result<bool, QueryError> {
         return match same.is_same(wanted) {
             true => Ok(true),
             false => Err(QueryError::invalid(
-                KEYS_CONFLICT,
+                if same.is_like(wanted) { OPTIONS_CONFLICT } else { KEYS_CONFLICT },
                 format!(
                     "there is another index called {}: {}; drop it first, or give another name",
                     wanted.name,

@@ -59,6 +59,16 @@ impl Embedded {
         self.note(ns, Noted::drop(definition.map_err(QueryError::from)?.as_deref()))
     }
 
+    /// Appends the end of a database, where all of it is watched: it is a change of none of its collections.
+    pub(super) fn note_drop_database(&self, database: &str) -> Result<(), StoreError> {
+        let ns = Namespace { database: database.to_owned(), collection: String::new() };
+        if !self.wanted(&ns)?.by_watchers {
+            return Ok(());
+        }
+        self.log.noted.set(true);
+        change_log::append(&self.connection, &ns, Noted::drop_database()).map_err(|e| self.explain(&e))
+    }
+
     /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
     /// name an insert of each document.
     pub(super) fn note_rename(

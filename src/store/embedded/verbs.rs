@@ -86,6 +86,10 @@ impl Store for Embedded {
         })
     }
 
+    fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        self.write(|| self.note_drop_database(database))
+    }
+
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
         self.write(|| self.take_name(from, to))
     }
@@ -176,6 +180,15 @@ impl Store for Embedded {
         // A negative number is one of kibibytes.
         let kibibytes = i64::try_from(bytes / 1024).unwrap_or(i64::MAX);
         self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
+    }
+
+    fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
+        Ok(self.collection(ns)?.map(|collection| collection.id))
+    }
+
+    fn fold(&self) -> Result<(), StoreError> {
+        let fold = "PRAGMA wal_checkpoint(TRUNCATE)";
+        self.connection.query_row(fold, [], |_| Ok(())).map_err(|e| self.explain(&e))
     }
 
     fn atomically(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {

@@ -5,6 +5,7 @@ use mongodb::error::{Error, ErrorKind, WriteFailure};
 
 use crate::deadline;
 use crate::query::QueryError;
+use crate::store::error::UNKNOWN;
 use crate::store::{Namespace, StoreError, TakenKey};
 
 /// The server's code for a taken unique key.
@@ -88,7 +89,7 @@ pub(super) fn explain(address: &str, error: &Error) -> StoreError {
 pub(super) fn explain_change(address: &str, ns: &Namespace, error: &Error) -> StoreError {
     match explain_write(address, ns, error) {
         StoreError::Unreachable { address, reason } if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) => {
-            let reason = format!("{reason}; whether the change of {ns} was made is not known");
+            let reason = format!("{reason}; whether the change of {ns} was made {UNKNOWN}");
             StoreError::Unreachable { address, reason }
         }
         other => other,
@@ -119,7 +120,7 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
             StoreError::Unreachable { address, reason }
                 if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) =>
             {
-                let reason = format!("{reason}; whether these {} documents were stored is not known", ids.len());
+                let reason = format!("{reason}; whether these {} documents were stored {UNKNOWN}", ids.len());
                 StoreError::Unreachable { address, reason }
             }
             other => other,

@@ -156,6 +156,14 @@ impl Store for MongoDb {
         self.list_indexes(ns)
     }
 
+    fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
+        let command = doc! { "listCollections": 1, "filter": { "name": &ns.collection, "type": "view" } };
+        let database = self.client().database(&ns.database);
+        let mut listed = database.run_cursor_command(command).run().map_err(|e| self.explain(&e))?;
+        let view = listed.next().transpose().map_err(|e| self.explain(&e))?;
+        Ok(view.map(|view| view.get_document("options").cloned().unwrap_or_default()))
+    }
+
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
         for database in self.client().list_database_names().run().map_err(|e| self.explain(&e))? {

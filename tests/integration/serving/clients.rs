@@ -12,6 +12,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("computables_run_for_whoever_asks", computables),
     ("computables_that_are_added_meanwhile_run_too", added),
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
+    ("cursors_of_few_connections_that_have_ended_are_kept", left),
+    ("a_cursor_whose_collection_is_dropped_or_renamed_does_not_look_complete", dropped),
     ("a_cursor_that_is_not_read_is_closed", expired),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
     ("what_is_not_supported_is_refused_by_its_name", refusals),
@@ -122,6 +124,52 @@ fn cursors() -> Result<(), Failed> {
     Ok(())
 }
 
+fn left() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let documents = (0..100).map(|n| doc! { "_id": n });
+    served.client()?.database("a").collection("c").insert_many(documents).run()?;
+    let mut opened = Vec::new();
+    for _ in 0..110 {
+        let answer = Wire::connect(served.address())?.run(&doc! { "find": "c", "batchSize": 1, "$db": "a" })?;
+        opened.push(answer.get_document("cursor")?.get_i64("id")?);
+    }
+    let mut wire = Wire::connect(served.address())?;
+    crate::processes::until("the connections have ended", || Ok(super::wire::connected(&mut wire)? < 5))?;
+    let is_open = |cursor: i64, wire: &mut Wire| Ok::<_, Failed>(is_fine(&wire.run(&more_of(cursor))?));
+    assert!(is_open(opened[109], &mut wire)? && is_open(opened[20], &mut wire)? && !is_open(opened[0], &mut wire)?);
+    Ok(())
+}
+
+fn dropped() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let database = served.client()?.database("a");
+    let mut wire = Wire::connect(served.address())?;
+    for command in [
+        doc! { "drop": "c", "$db": "a" },
+        doc! { "dropDatabase": 1, "$db": "a" },
+        doc! { "renameCollection": "a.c", "to": "a.d", "$db": "admin" },
+    ] {
+        let documents = (0..1000).map(|n| doc! { "_id": n });
+        database.collection("c").insert_many(documents.clone()).run()?;
+        let answer = wire.run(&doc! { "find": "c", "batchSize": 10, "$db": "a" })?;
+        let cursor = answer.get_document("cursor")?.get_i64("id")?;
+        let one = wire.run(&doc! { "find": "c", "sort": { "_id": -1 }, "batchSize": 10, "$db": "a" })?;
+        let sorted = one.get_document("cursor")?.get_i64("id")?;
+        assert!(is_fine(&wire.run(&more_of(cursor))?));
+        assert!(is_fine(&wire.run(&command)?));
+        // Also where another takes its name.
+        database.collection("c").insert_one(doc! { "_id": 5 }).run()?;
+        for cursor in [cursor, sorted] {
+            assert_eq!(wire.run(&more_of(cursor))?.get_str("codeName")?, "QueryPlanKilled", "{command}");
+            assert_eq!(wire.run(&more_of(cursor))?.get_str("codeName")?, "CursorNotFound");
+        }
+        database.collection::<Document>("c").drop().run()?;
+    }
+    Ok(())
+}
+
 fn more_of(cursor: i64) -> Document {
     doc! { "getMore": cursor, "collection": "c", "batchSize": 1, "$db": "a" }
 }
@@ -180,13 +228,13 @@ fn mistakes() -> Result<(), Failed> {
         (doc! { "dropIndexes": "c", "index": "none" }, 27, "IndexNotFound"),
         (doc! { "dropIndexes": "c", "index": "_id_" }, 72, "InvalidOptions"),
         (doc! { "getMore": 7_i64, "collection": "c" }, 43, "CursorNotFound"),
-        (doc! { "renameCollection": "a.none", "to": "a.d" }, 26, "NamespaceNotFound"),
+        (doc! { "renameCollection": "a.none", "to": "a.d", "$db": "admin" }, 26, "NamespaceNotFound"),
         (doc! { "findAndModify": "c" }, 9, "FailedToParse"),
         (doc! { "commitTransaction": 1 }, 125, "CommandFailed"),
         (doc! { "ping": 1, "readConcern": { "level": "snapshot" } }, 246, "SnapshotUnavailable"),
     ] {
         let mut asked = command.clone();
-        asked.insert("$db", "a");
+        asked.entry("$db").or_insert_with(|| "a".into());
         let answer = wire.run(&asked)?;
         let reported = (answer.get_i32("code")?, answer.get_str("codeName")?);
         assert_eq!(reported, (number, name), "{command}: {answer}");

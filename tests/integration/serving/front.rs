@@ -3,6 +3,7 @@
 use bson::{Document, doc};
 use libtest_mimic::Failed;
 use mongodb::options::ReturnDocument;
+use mongodb::results::CollectionType;
 use mongodb::sync::Client;
 
 use super::{Served, code};
@@ -47,6 +48,21 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     many.insert_one(doc! { "_id": -1 }).run()?;
     let slow = many.find(doc! { "$where": "sleep(60000) || true" }).max_time(std::time::Duration::from_millis(200));
     assert_eq!(code(slow.run()), Some(50));
+    let unconfirmed = database.run_command(doc! {
+        "insert": "things", "documents": [{ "_id": 8 }], "writeConcern": { "w": 5 },
+    });
+    let unconfirmed = unconfirmed.run()?;
+    let error = unconfirmed.get_document("writeConcernError")?.get_str("errmsg")?;
+    assert!(error.contains("not passed on"), "{error}");
+    // A view is listed as one, and keeps nothing else from being listed.
+    let behind = Client::with_uri_str(mongod)?.database("in_front");
+    behind.run_command(doc! { "create": "seen", "viewOn": "things", "pipeline": [] }).run()?;
+    let listed = database.list_collections().filter(doc! { "name": "seen" }).run()?.next().ok_or("no view")??;
+    assert_eq!((listed.collection_type, listed.options.view_on.as_deref()), (CollectionType::View, Some("things")));
+    assert!(database.list_collection_names().run()?.contains(&"many".to_owned()));
+    let stats = database.run_command(doc! { "dbStats": 1 }).run()?;
+    assert_eq!((stats.get_i64("views")?, stats.get_i64("objects")?), (1, 502));
+    assert!(client.list_databases().run()?.iter().any(|found| found.name == "in_front"));
     // What only the server itself can do is refused, with the reason.
     let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
     assert!(refusal.contains("on a MongoDB server: connect to that"), "{refusal}");

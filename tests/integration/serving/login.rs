@@ -35,8 +35,9 @@ fn passwords() -> Result<(), Failed> {
     let served = Served::start(folder.path(), &["--users", "users"])?;
     let host = served.address().to_owned();
     assert_eq!(count(&format!("mongodb://r2:pencil@{host}/"))?, 0);
-    for wrong in ["r2:pencils", "c3:pencil"] {
-        let error = count(&format!("mongodb://{wrong}@{host}/?serverSelectionTimeoutMS=2000")).err().ok_or("let in")?;
+    for (wrong, source) in [("r2:pencils", "admin"), ("c3:pencil", "admin"), ("r2:pencil", "a")] {
+        let uri = format!("mongodb://{wrong}@{host}/?authSource={source}&serverSelectionTimeoutMS=2000");
+        let error = count(&uri).err().ok_or("let in")?;
         assert!(matches!(*error.kind, ErrorKind::Authentication { .. }), "{error}");
     }
     let mut wire = Wire::connect(&host)?;

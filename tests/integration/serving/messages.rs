@@ -1,6 +1,6 @@
 //! Messages that are none: a connection may end, the server never does.
 
-use bson::{Document, doc};
+use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -116,8 +116,50 @@ fn checked() -> Result<(), Failed> {
         (doc! { "ping": 1, "apiStrict": true, "$db": "a" }, 4_886_600),
         (doc! { "delete": "c", "deletes": [{ "q": {}, "limit": 0 }, { "q": {}, "limit": 2 }], "$db": "a" }, 9),
         (doc! { "dropIndexes": "c", "index": { "a": 1 }, "$db": "a" }, 181),
+        (doc! { "ping": 1, "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "endSessions": [], "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "connectionStatus": 1, "bogus": 1, "$db": "a" }, 40_415),
+        (doc! { "insert": "c", "documents": [{}], "let": {}, "$db": "a" }, 40_415),
+        (doc! { "renameCollection": "a.c", "to": "a.d", "$db": "a" }, 13),
+        (doc! { "renameCollection": "a.c", "to": "a.$d", "$db": "admin" }, 20),
+        (doc! { "renameCollection": "a.c", "to": "a", "$db": "admin" }, 73),
+        (
+            doc! { "aggregate": "c", "pipeline": [{ "$changeStream": {} }, { "$out": "d" }], "cursor": {}, "$db": "a" },
+            20,
+        ),
+        (doc! { "explain": { "mapReduce": "c", "map": "", "reduce": "", "out": "d" }, "$db": "a" }, 0),
     ];
     wire.run(&doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }], "$db": "a" })?;
+    let index = |key: Document, more: Document| {
+        let mut index = doc! { "key": key, "name": "new" };
+        index.extend(more);
+        doc! { "createIndexes": "c", "indexes": [index], "$db": "a" }
+    };
+    let with = |mut command: Document, name: &str, value: Bson| {
+        command.insert(name, value);
+        command
+    };
+    let plain = || index(doc! { "b": 1 }, doc! {});
+    let twice = plain().get_array("indexes")?[0].clone();
+    for (command, code) in [
+        (index(doc! { "b": 1 }, doc! { "v": 3 }), 67),
+        (index(doc! { "b": 1 }, doc! { "bogus": 1 }), 197),
+        (index(doc! { "b": "foo" }, doc! {}), 67),
+        (index(doc! { "b": 1 }, doc! { "name": "*" }), 2),
+        (index(doc! { "b": 1 }, doc! { "name": "_id_" }), 2),
+        (index(doc! { "_id": -1 }, doc! {}), 2),
+        (index(doc! { "_id": 1 }, doc! { "unique": true }), 197),
+        (index(doc! { "a": 1 }, doc! { "name": "a_1", "expireAfterSeconds": 9 }), 85),
+        (index(doc! { "a": 1 }, doc! { "name": "a_1", "sparse": true }), 86),
+        (with(plain(), "commitQuorum", 5.into()), 278),
+        (with(plain(), "commitQuorum", (-1).into()), 9),
+        (with(plain(), "commitQuorum", "far".into()), 79),
+        (with(plain(), "indexes", vec![twice.clone(), twice].into()), 68),
+        (with(index(doc! { "b": 1 }, doc! { "bogus": 1 }), "ignoreUnknownIndexOptions", true.into()), 0),
+        (with(plain(), "commitQuorum", "majority".into()), 0),
+    ] {
+        assert_eq!(wire.run(&command)?.get_i32("code").unwrap_or(0), code, "{command}");
+    }
     let modify = |index: Document| doc! { "collMod": "c", "index": index, "$db": "a" };
     let hidden = wire.run(&modify(doc! { "name": "a_1", "hidden": true }))?;
     assert_eq!((hidden.get_bool("hidden_old")?, hidden.get_bool("hidden_new")?), (false, true));

@@ -14,7 +14,7 @@ mod wire;
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use libtest_mimic::{Failed, Trial};
@@ -70,15 +70,22 @@ impl Served {
     }
 
     fn spawn(folder: &Path, mut program: Command, memory: &str, options: &[&str]) -> Result<Self, Failed> {
-        let mut child = program
-            .args(["--memory", memory, "serve", "--print-uri"])
-            .args(options)
-            .current_dir(folder)
-            .env("HOME", folder)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()?;
+        program.args(["--memory", memory, "serve", "--print-uri"]).args(options).stderr(Stdio::null());
+        Self::ready(folder, &mut program)
+    }
+
+    /// Serves the file of a folder; gives what it says on stderr, too.
+    fn start_heard(folder: &Path) -> Result<(Self, ChildStderr), Failed> {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        let options = ["--memory", "file:robot.rmem", "serve", "--print-uri", "--listen", "127.0.0.1:0"];
+        let mut served = Self::ready(folder, program.args(options).stderr(Stdio::piped()))?;
+        let stderr = served.child.stderr.take().ok_or("no stderr")?;
+        Ok((served, stderr))
+    }
+
+    fn ready(folder: &Path, program: &mut Command) -> Result<Self, Failed> {
+        let program = program.current_dir(folder).env("HOME", folder).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = program.spawn()?;
         let mut uri = String::new();
         BufReader::new(child.stdout.take().ok_or("no stdout")?).read_line(&mut uri)?;
         if uri.is_empty() {
@@ -103,8 +110,13 @@ impl Served {
     }
 
     /// Ends it as a service manager does; gives its exit code.
-    fn terminate(mut self) -> Result<Option<i32>, Failed> {
+    fn terminate(self) -> Result<Option<i32>, Failed> {
         rustix::process::kill_process(self.process()?, rustix::process::Signal::TERM)?;
+        self.ended()
+    }
+
+    /// Waits until it has ended; gives its exit code.
+    fn ended(mut self) -> Result<Option<i32>, Failed> {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(20) {
             if let Some(status) = self.child.try_wait()? {

@@ -1,5 +1,6 @@
 //! The process: its beginning, its end, its sockets and its lock.
 
+use std::io::Read as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixDatagram;
 use std::process::Command;
@@ -17,6 +18,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("what_was_begun_is_answered_before_the_server_ends", ends),
     ("a_socket_is_its_owners_alone_and_gone_at_the_end", sockets),
     ("one_process_serves_a_file_and_others_use_it_beside", lock),
+    ("what_is_acknowledged_is_in_a_file_that_is_moved_and_the_server_ends", moved),
+    ("a_server_whose_file_is_removed_ends_and_makes_no_other", removed),
     ("a_memory_that_is_gone_at_exit_is_served_to_all", in_memory),
     ("a_service_manager_opens_the_socket_and_is_told", systemd),
 ];
@@ -75,6 +78,54 @@ fn lock() -> Result<(), Failed> {
     served.kill()?;
     assert!(!rmem(folder.path(), &["doctor"])?.1.contains("served"));
     assert!(Served::start(folder.path(), &[]).is_ok());
+    Ok(())
+}
+
+fn moved() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let found = served.client()?.database("a").collection::<Document>("c");
+    found.insert_one(doc! { "_id": 0 }).run()?;
+    let (sender, acknowledged) = std::sync::mpsc::channel();
+    let writer = std::thread::spawn(move || {
+        for n in 1.. {
+            if found.insert_one(doc! { "_id": n, "pad": "x".repeat(100) }).run().is_err() {
+                return n;
+            }
+            let _ = sender.send(n);
+        }
+        0
+    });
+    let last = acknowledged.iter().take(20).last();
+    std::fs::rename(folder.path().join("robot.rmem"), folder.path().join("old.rmem"))?;
+    assert_eq!((last, served.ended()?), (Some(20), Some(4)));
+    let count = writer.join().map_err(|_| "the writer failed")?;
+    assert!(!folder.path().join("robot.rmem").exists());
+    // The one that failed may have been done.
+    std::fs::rename(folder.path().join("old.rmem"), folder.path().join("robot.rmem"))?;
+    let (_, printed) = rmem(folder.path(), &["count", "a.c"])?;
+    assert!(printed == format!("{count}\n") || printed == format!("{}\n", count + 1), "{count} {printed}");
+    Ok(())
+}
+
+fn removed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let (served, mut stderr) = Served::start_heard(folder.path())?;
+    let mut wire = Wire::connect(served.address())?;
+    let insert = doc! { "insert": "c", "documents": [{}], "$db": "a" };
+    assert_eq!(wire.run(&insert)?.get_i32("n")?, 1);
+    std::fs::remove_file(folder.path().join("robot.rmem"))?;
+    // It is refused, or the connection has ended.
+    if let Ok(answer) = wire.run(&insert) {
+        assert!(answer.get_str("errmsg")?.contains("moved or removed"), "{answer}");
+    }
+    let later = Wire::connect(served.address()).and_then(|mut wire| wire.run(&insert));
+    assert!(later.is_err() || later.is_ok_and(|answer| answer.get_i32("n").is_err()));
+    assert_eq!(served.ended()?, Some(4));
+    assert!(!folder.path().join("robot.rmem").exists());
+    let mut printed = String::new();
+    stderr.read_to_string(&mut printed)?;
+    assert!(printed.contains("robot.rmem: the file was moved or removed"), "{printed}");
     Ok(())
 }
 

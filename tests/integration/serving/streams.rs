@@ -14,6 +14,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_stream_reports_changes_with_the_documents_before_them", reported),
     ("a_stream_goes_on_behind_a_token_also_after_a_kill", resumed),
     ("a_stream_ends_where_its_collection_is_gone", ended),
+    ("a_stream_of_a_database_ends_where_that_is_dropped", database_ended),
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
     ("a_change_by_another_process_is_reported", received),
     ("a_stream_from_a_time_misses_nothing_or_says_so", since),
@@ -154,13 +155,44 @@ fn ended() -> Result<(), Failed> {
     things.insert_one(doc! { "_id": 0 }).run()?;
     let mut stream = things.watch().run()?;
     things.drop().run()?;
-    assert_eq!(next(&mut stream)?.operation_type, OperationType::Drop);
+    let dropped = next(&mut stream)?;
+    assert_eq!(dropped.operation_type, OperationType::Drop);
     let end = next(&mut stream)?;
     assert_eq!(end.operation_type, OperationType::Invalidate);
+    // Behind the event of the drop, too, though there is a collection of that name again.
     things.insert_one(doc! { "_id": 1 }).run()?;
     assert_eq!(code(things.watch().resume_after(end.id.clone()).run()), Some(260));
-    let mut stream = things.watch().start_after(end.id).run()?;
+    let mut stream = things.watch().start_after(end.id.clone()).run()?;
     assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 1 }));
+    for again in [things.watch().resume_after(dropped.id.clone()), things.watch().start_after(dropped.id)] {
+        let mut stream = again.run()?;
+        let event = next(&mut stream)?;
+        assert_eq!((event.operation_type, event.id), (OperationType::Invalidate, end.id.clone()));
+        assert!(!stream.is_alive());
+    }
+    Ok(())
+}
+
+fn database_ended() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let client = served.client()?;
+    let database = client.database("a");
+    database.collection("things").insert_one(doc! { "_id": 1 }).run()?;
+    let (mut stream, mut all) = (database.watch().run()?, client.watch().run()?);
+    database.drop().run()?;
+    assert_eq!(next(&mut stream)?.operation_type, OperationType::Drop);
+    let event = next(&mut stream)?;
+    assert_eq!(event.operation_type, OperationType::DropDatabase);
+    assert_eq!(event.ns.map(|ns| (ns.db, ns.coll)), Some(("a".to_owned(), None)));
+    assert_eq!(next(&mut stream)?.operation_type, OperationType::Invalidate);
+    assert!(!stream.is_alive());
+    let mut stream = database.watch().resume_after(event.id).run()?;
+    assert_eq!(next(&mut stream)?.operation_type, OperationType::Invalidate);
+    // A stream of everything goes on.
+    database.collection("things").insert_one(doc! { "_id": 1 }).run()?;
+    let kinds = [next(&mut all)?, next(&mut all)?, next(&mut all)?].map(|event| event.operation_type);
+    assert_eq!(kinds, [OperationType::Drop, OperationType::DropDatabase, OperationType::Insert]);
     Ok(())
 }
 

@@ -26,6 +26,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
     ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
     ("only_the_first_command_says_what_is_read_and_only_the_last_who_confirms", said),
+    ("what_is_of_no_transaction_is_refused_in_one", outside),
     ("a_connection_that_ends_leaves_later_transactions_of_its_session", handed),
 ];
 
@@ -478,6 +479,41 @@ fn said() -> Result<(), Failed> {
     Ok(())
 }
 
+fn outside() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(plain(&mut session.wire, insert(0))?);
+    // A command that is of no transaction leaves the one that is open as it is.
+    fine(session.run(1, true, insert(1))?);
+    for name in ["ping", "hello", "serverStatus"] {
+        refused(session.run(1, false, doc! { name: 1 })?, 263);
+    }
+    fine(session.end(1, "commitTransaction")?);
+    // What fails in one ends it.
+    let stage = |stage: &str| doc! { "aggregate": "c", "pipeline": [{ stage: {} }], "cursor": {} };
+    let index = doc! { "createIndexes": "c", "indexes": [{ "key": { "a": 1 }, "name": "a_1" }] };
+    for (number, command) in (2..).zip([stage("$collStats"), stage("$indexStats"), index]) {
+        fine(session.run(number, true, insert(2))?);
+        refused(session.run(number, false, command)?, 263);
+        refused(session.end(number, "commitTransaction")?, 251);
+    }
+    // An unordered insert stops at the first failure, too.
+    let documents = [doc! { "_id": 5 }, doc! { "_id": 0 }, doc! { "_id": 0 }];
+    let unordered = doc! { "insert": "c", "documents": documents.to_vec(), "ordered": false };
+    assert_eq!(session.run(6, true, unordered)?.get_array("writeErrors")?.len(), 1);
+    // A write concern that names no members fails nothing, and keeps nothing open.
+    let concern = |command: &str| doc! { command: 1, "writeConcern": { "w": "far" }, "$db": "admin" };
+    fine(session.run(7, true, insert(7))?);
+    fine(session.run(7, false, concern("abortTransaction"))?);
+    refused(session.end(7, "commitTransaction")?, 251);
+    fine(session.run(8, true, insert(8))?);
+    let answer = session.run(8, false, concern("commitTransaction"))?;
+    assert_eq!(answer.get_document("writeConcernError")?.get_i32("code")?, 79);
+    assert_eq!(count(&mut session.wire)?, 3);
+    Ok(())
+}
+
 fn repeated() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let mut served = Served::start(folder.path(), &[])?;
@@ -499,7 +535,9 @@ fn repeated() -> Result<(), Failed> {
         served.kill()?;
         served = Served::start(folder.path(), &[])?;
         answers.push(Wire::connect(served.address())?.run(&command)?);
-        for answer in &mut answers {
+        for (nth, answer) in answers.iter_mut().enumerate() {
+            let retried = [answer.remove("retriedStmtIds"), answer.remove("retriedStmtId")];
+            assert_eq!(retried.iter().flatten().count(), usize::from(nth > 0), "{answer}");
             answer.remove("operationTime");
             answer.remove("$clusterTime");
         }
@@ -510,5 +548,9 @@ fn repeated() -> Result<(), Failed> {
     let batch = found.get_document("cursor")?.get_array("firstBatch")?.clone();
     assert_eq!(batch, [Bson::Document(doc! { "_id": 1, "n": 4 })]);
     refused(wire.run(&add(2))?, 225);
+    // What was done in part is not taken for the whole.
+    let more = add(5).into_iter().chain(doc! { "stmtIds": [1] });
+    fine(wire.run(&add(5))?);
+    refused(wire.run(&more.collect())?, 115);
     Ok(())
 }
