@@ -1,5 +1,6 @@
 //! What a store keeps of changes: the history of a collection, and the collection as it was.
 
+use std::collections::HashSet;
 use std::time::Duration;
 
 use bson::DateTime;
@@ -41,6 +42,8 @@ pub struct Entry {
 pub struct History<'a> {
     /// All changes since then are kept.
     pub since: DateTime,
+    /// The runs of commands of which the oldest changes are not kept any more.
+    pub cut_runs: HashSet<i64>,
     /// The changes in order.
     pub entries: Box<dyn Iterator<Item = Result<Entry, StoreError>> + 'a>,
 }

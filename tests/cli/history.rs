@@ -287,6 +287,36 @@ fn a_history_is_bounded_by_its_size() {
 }
 
 #[test]
+fn a_run_whose_oldest_changes_are_not_kept_is_taken_back_only_where_that_is_asked_for() {
+    let lab = with_settings("keep_history = '24h'\nhistory_size = '1M'\n");
+    let documents: String = (0..8_000).map(|id| format!("{{_id: {id}, n: 0}}\n")).collect();
+    lab.rmem_with(&["insert", NS, "--file", "-"], &documents).success();
+    lab.rmem(&["insert", "robmem.other", "{_id: 1}"]).success();
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 1}}", "--many"]).success();
+    let refused = lab.rmem(&["undo", NS]).exits(1);
+    assert_eq!(refused.stdout, "{\"changes\":0,\"restored\":0,\"removed\":0}\n");
+    assert!(refused.stderr.contains("error: of the run of rmem update that ended at "), "{refused}");
+    assert!(refused.stderr.contains("the older ones are not any more"), "{refused}");
+    assert_eq!(lab.rmem(&["count", NS, "{n: 1}"]).success(), "8000\n");
+    // A run that is kept as a whole is taken back, whatever was removed before it.
+    lab.rmem(&["update", NS, "{_id: {$lt: 100}}", "{$set: {n: 2}}", "--many"]).success();
+    assert!(lab.rmem(&["undo", NS, "--last", "2"]).exits(1).stderr.contains("--partial"));
+    assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":100,\"restored\":100,\"removed\":0}\n");
+    // Removals that follow cut another run, and the first one more.
+    for n in 3..30 {
+        let update = format!("{{$set: {{n: {n}}}}}");
+        lab.rmem(&["update", NS, "{_id: {$lt: 200}}", &update, "--many"]).success();
+    }
+    assert_eq!(lab.rmem(&["undo", NS, "--last", "5", "--dry-run"]).success().lines().count(), 1);
+    let by = ["undo", NS, "--by", "rmem update"];
+    assert!(lab.rmem(&by).exits(1).stderr.contains("--partial"));
+    let kept = history(&lab, &[]).len();
+    let run = lab.rmem(&[&by[..], &["--partial"]].concat()).success();
+    assert!((1_000..6_000).contains(&kept) && run.starts_with("{\"changes\":"), "{kept} {run}");
+    assert_eq!(lab.rmem(&["undo", "robmem.other"]).exits(1).stdout, "{\"changes\":0,\"restored\":0,\"removed\":0}\n");
+}
+
+#[test]
 fn record_is_for_servers() {
     let lab = lab();
     lab.rmem(&["insert", NS, "{_id: 1}"]).success();

@@ -14,7 +14,8 @@
 //! - `entries_ID`, one per index: the keys, each with the position of its document.
 //! - `watchers`: the watchers of collections, with their positions (`watcher`).
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
-//! - `histories` and `origins`, where a history was kept: of what, and the authors of changes (`history`).
+//! - `histories`, `origins` and `cut_runs`, where a history was kept: of what, the authors of changes, and the runs of
+//!   which changes are not kept any more (`history`).
 
 use std::cell::Cell;
 use std::path::Path;

@@ -31,8 +31,11 @@ impl Embedded {
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(kept) = history::of(&self.connection, ns).map_err(|e| self.explain(&e))? else { return Ok(None) };
         let behind = self.behind(ns, &kept, after)?;
+        let cut_runs = history::cut_runs(&self.connection, ns, kept.position.unwrap_or_default());
+        let cut_runs = cut_runs.map_err(|e| self.explain(&e))?;
         let entries = Entries { store: self, namespace: ns.clone(), behind, page: VecDeque::new(), is_over: false };
-        Ok(Some(History { since: kept.since, entries: Box::new(entries.map(|entry| entry.map(|(entry, _)| entry))) }))
+        let entries = Box::new(entries.map(|entry| entry.map(|(entry, _)| entry)));
+        Ok(Some(History { since: kept.since, cut_runs, entries }))
     }
 
     /// The position behind which the changes after a time are.
