@@ -258,6 +258,23 @@ fn a_filter_that_would_make_more_than_any_memory_holds_is_refused() {
 }
 
 #[test]
+fn a_template_that_is_too_long_for_its_parser_is_refused_before_a_goal_is_looked_for_in_it() {
+    let lab = Lab::new();
+    for (template, wanted) in [
+        (format!("{{{{ {}1 }}}}", "-".repeat(20_000)), "an expression has more than 1000 operators"),
+        (
+            format!("{{% if a %}}{}{{% endif %}}", "{% elif b %}".repeat(10_000)),
+            "more than 500 `elif` in one condition",
+        ),
+        ("{% if a %}".repeat(200_000), "more than 150 blocks are open here"),
+    ] {
+        lab.write("t.j2", &template);
+        let refused = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2", "--goal", "(a)"]).exits(3);
+        assert!(refused.stderr.contains(wanted), "{refused}");
+    }
+}
+
+#[test]
 fn the_check_against_a_domain_names_template_line_and_document() {
     let lab = lab();
     lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));

@@ -157,6 +157,10 @@ pub(super) fn taken(request: &Request) -> Taken {
     let mut all = Taken::default();
     for source in std::iter::once(&request.template).chain(request.parts.iter().map(|part| &part.source)) {
         let Ok(template) = environment.template_from_named_str(source.name(), source.text()) else {
+        // What is too long is refused where it is rendered.
+        if bound::check(source).is_err() {
+            return Taken::unknown();
+        }
             return Taken::unknown();
         };
         all.names.extend(template.undeclared_variables(false));
