@@ -275,6 +275,41 @@ fn a_template_that_is_too_long_for_its_parser_is_refused_before_a_goal_is_looked
 }
 
 #[test]
+fn an_operator_or_a_block_that_would_make_more_than_any_memory_holds_is_refused() {
+    let lab = Lab::new();
+    let doubled = |change: &str| {
+        format!("{{% set ns = namespace(x='aaaaaaaa', l=[1]) %}}{{% for i in range(60) %}}{change}{{% endfor %}}")
+    };
+    let mut refusals = String::new();
+    for template in [
+        doubled("{% set ns.x = ns.x ~ ns.x %}"),
+        doubled("{% set ns.x = ns.x + ns.x %}"),
+        doubled("{% set ns.l = ns.l + ns.l %}") + "{{ ns.l|list|length }}",
+        doubled("{% set ns.l = [ns.l, ns.l] %}") + "{{ (ns.l ~ '')|length }}",
+        doubled("{% set ns.x %}{{ ns.x }}{{ ns.x }}{% endset %}"),
+        "{{ ('a' * 5000000)|list|length }}".to_owned(),
+    ] {
+        lab.write("t.j2", &template);
+        let refused = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]).exits(3);
+        refusals += refused.stderr.lines().next().unwrap_or_default();
+        refusals += "\n";
+    }
+    insta::assert_snapshot!(refusals, @r"
+    error: t.j2:1:88: a text of 134217728 bytes is too long for an operator; expected at most 67108864
+    error: t.j2:1:88: a text of 134217728 bytes is too long for an operator; expected at most 67108864
+    error: t.j2:1:88: a list of 4194304 elements is too long; expected at most 4000000
+    error: t.j2:1:111: a list or map is too long to be written as text; expected at most 4194304 bytes
+    error: t.j2:1:84: the template writes more than 512 MiB of text
+    error: t.j2:1:20: a list of 5000000 elements is too long; expected at most 4000000
+    ");
+    lab.write(
+        "t.j2",
+        "{% set a = 'x' %}{{ a ~ ([a] + ['y'])|length }} {{ ([a] + ['z'])|join('_') ~ a|lower }} {{ 1 + a|length }}\n",
+    );
+    assert_eq!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]).success(), "x2 x_zx 2\n");
+}
+
+#[test]
 fn the_check_against_a_domain_names_template_line_and_document() {
     let lab = lab();
     lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));
