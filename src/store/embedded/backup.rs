@@ -6,6 +6,7 @@ use rusqlite::Connection;
 
 use super::place::Place;
 use super::{Embedded, failure};
+use crate::interrupt::Unfinished;
 use crate::process::litter;
 use crate::store::StoreError;
 
@@ -31,6 +32,9 @@ impl Embedded {
         let staged =
             tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(unnamed)?;
         let Some(name) = staged.path().to_str() else { return Err(failed("its path is not UTF-8".to_owned())) };
+        // What SQLite makes beside the copy goes with it.
+        let files = ["", "-journal", "-wal", "-shm"].map(|end| format!("{name}{end}"));
+        let _unfinished = files.map(|file| Unfinished::new(Path::new(&file)));
         self.connection
             .execute("VACUUM INTO ?", [name])
             .and_then(|_| Connection::open(name)?.pragma_update(None, "journal_mode", "WAL"))
