@@ -310,6 +310,18 @@ fn an_operator_or_a_block_that_would_make_more_than_any_memory_holds_is_refused(
 }
 
 #[test]
+fn the_mark_of_a_templates_byte_order_is_not_in_its_problem() {
+    let lab = Lab::new();
+    lab.write("t.j2", "\u{feff}{% include 'part.j2' %}(b)\n");
+    lab.write("part.j2", "\u{feff}(a)");
+    lab.write("t.tmpl", "\u{feff}(a)(b)\n");
+    for template in ["t.j2", "t.tmpl"] {
+        let problem = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", template]).success();
+        assert_eq!(problem, "(a)(b)\n", "{template}");
+    }
+}
+
+#[test]
 fn the_check_against_a_domain_names_template_line_and_document() {
     let lab = lab();
     lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));
