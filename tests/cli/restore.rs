@@ -115,6 +115,22 @@ fn a_failure_under_drop_leaves_the_old_content() {
 }
 
 #[test]
+fn ids_are_proposed_for_documents_without_one_alone() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let nested = (0..300).fold(b"\x05\0\0\0\0".to_vec(), |inner, _| {
+        let length = u32::try_from(inner.len() + 8).unwrap().to_le_bytes();
+        [&length[..], b"\x03a\0", &inner, b"\0"].concat()
+    });
+    fs::create_dir(lab.path().join("d")).unwrap();
+    fs::write(lab.path().join("d/deep.bson"), nested).unwrap();
+    fs::write(lab.path().join("d/plain.bson"), b"\x05\0\0\0\0").unwrap();
+    let refused = lab.rmem(&["restore", "d/deep.bson", "--into", "a.b"]).exits(3);
+    assert!(!refused.stderr.contains("--add-ids"), "{refused}");
+    let refused = lab.rmem(&["restore", "d/plain.bson", "--into", "a.b"]).exits(3);
+    assert!(refused.stderr.contains("the document has no _id; --add-ids gives it one"), "{refused}");
+}
+
+#[test]
 fn one_file_or_one_database_is_restored_too() {
     let lab = dumped(&[]);
     lab.rmem(&["restore", "dump/robmem/blocks.bson", "--into", "copy.blocks"]).success();

@@ -369,9 +369,11 @@ impl Part {
                     Ok(document::with_id_first(document, &id))
                 }
                 _ => {
-                    document::vet(&document).map_err(|error| match has_id {
-                        true => refused(error),
-                        false => Damage { offset, reason: format!("{}; --add-ids gives it one", error.message) },
+            let lacks_id =
+                |document| document::check_shape(document).is_ok() && matches!(document.get("_id"), Ok(None));
+                    document::vet(&document).map_err(|error| match lacks_id(&document) {
+                        false => refused(error),
+                        true => Damage { offset, reason: format!("{}; --add-ids gives it one", error.message) },
                     })?;
                     decode_document(offset, &document)
                 }
