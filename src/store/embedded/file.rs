@@ -344,7 +344,7 @@ fn wrong_version(place: &Place, version: i32) -> StoreError {
     }
 }
 
-fn foreign(place: &Place) -> StoreError {
+pub(super) fn foreign(place: &Place) -> StoreError {
     StoreError::Failed {
         address: place.to_string(),
         reason: "it is an SQLite database of another program, not an rmem memory; name another file".to_owned(),
