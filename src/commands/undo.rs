@@ -9,7 +9,7 @@ use super::{Context, UsageError, formats, missing};
 use crate::calendar::day_and_time;
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::shell;
+use crate::formats::{shell, visible};
 use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, PartialRun, Restoration, UndoPlan};
@@ -142,7 +142,7 @@ fn result(plan: &UndoPlan) -> Document {
 
 /// Says which run is not kept as a whole.
 fn incomplete(run: &PartialRun) -> String {
-    let author = run.newest.author.as_ref().map(|author| format!(" of {author}")).unwrap_or_default();
+    let author = run.newest.author.as_ref().map(|author| format!(" of {}", visible::line(author))).unwrap_or_default();
     let time = day_and_time(run.newest.change.time.timestamp_millis());
     let are_kept = if run.kept == 1 { "is kept" } else { "are kept" };
     format!(
@@ -170,7 +170,7 @@ fn overwritten(document: &Restoration) -> Vec<String> {
 }
 
 fn later(entry: &Entry) -> String {
-    let by = entry.author.as_ref().map(|author| format!(" by {author}")).unwrap_or_default();
+    let by = entry.author.as_ref().map(|author| format!(" by {}", visible::line(author))).unwrap_or_default();
     let time = day_and_time(entry.change.time.timestamp_millis());
     format!("{}{by} at {time} UTC (position {})", entry.change.kind.name(), entry.change.position)
 }
