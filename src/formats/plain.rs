@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 
 /// What the system says where a file cannot be used, and the same in plain words.
-const SYSTEM: [(&str, &str); 5] = [
+const SYSTEM: [(&str, &str); 6] = [
     ("No such file or directory (os error 2)", "there is no such file or folder"),
     ("Permission denied (os error 13)", "permission denied"),
     ("Not a directory (os error 20)", "a part of the path is no folder"),
     ("Is a directory (os error 21)", "it is a folder"),
-    ("No space left on device (os error 28)", "no space is left on the device"),
+    ("Too many levels of symbolic links (os error 40)", "it is a symbolic link that leads back to itself; name a file"),
+    ("No space left on device (os error 28)", "the disk is full"),
 ];
 
 /// Returns a message with the words of the system in plain ones.

@@ -321,7 +321,7 @@ fn record_is_for_servers() {
     let lab = lab();
     lab.rmem(&["insert", NS, "{_id: 1}"]).success();
     let run = lab.rmem(&["record", NS]).exits(2);
-    assert!(run.stderr.contains("every write keeps the history of a file itself"), "{run}");
+    assert!(run.stderr.contains("where keep_history says so, every write to a file keeps its history itself"), "{run}");
 }
 
 #[test]

@@ -131,6 +131,30 @@ fn ids_are_proposed_for_documents_without_one_alone() {
 }
 
 #[test]
+fn a_damaged_byte_and_a_link_to_itself_are_said_in_plain_words() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["dump", "--all", "--archive", "-o", "whole"]).success();
+    let whole = fs::read(lab.path().join("whole")).unwrap();
+    for at in 4..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] = 0xff;
+        fs::write(lab.path().join("damaged"), bytes).unwrap();
+        if at % 7 == 0 || whole[at..].starts_with(b"a\0\x02") {
+            let run = lab.rmem(&["restore", "damaged", "--dry-run"]);
+            assert!(!run.stderr.contains("Error {") && !run.stderr.contains("not BSON: BSON error"), "{at}: {run}");
+        }
+    }
+    std::os::unix::fs::symlink("l1", lab.path().join("l1")).unwrap();
+    for command in
+        [&["restore", "l1"][..], &["gen-problem", "--template", "l1"], &["--memory", "file:l1", "count", "a.b"]]
+    {
+        let refused = lab.rmem(command);
+        assert!(refused.stderr.contains("it is a symbolic link that leads back to itself; name a file"), "{refused}");
+    }
+}
+
+#[test]
 fn one_file_or_one_database_is_restored_too() {
     let lab = dumped(&[]);
     lab.rmem(&["restore", "dump/robmem/blocks.bson", "--into", "copy.blocks"]).success();
