@@ -90,7 +90,9 @@ pub fn not_kept(ns: &Namespace, rules: &[HistoryRule]) -> StoreError {
 #[must_use]
 pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
     let text = |time: DateTime| day_and_time(time.timestamp_millis());
-    let reason = format!("the history begins at {} UTC; what was there at {} is not known", text(since), text(at));
+    let clock = if since > DateTime::now() { " by a clock that was set back since" } else { "" };
+    let reason =
+        format!("the history begins at {} UTC{clock}; what was there at {} is not known", text(since), text(at));
     StoreError::Unfit { address: ns.to_string(), reason }
 }
 

@@ -317,6 +317,25 @@ fn a_run_whose_oldest_changes_are_not_kept_is_taken_back_only_where_that_is_aske
 }
 
 #[test]
+fn a_clock_that_was_ahead_hides_the_history_no_longer_than_until_the_next_change() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, n: 1}"]).success();
+    // As if the clock had said 2300 until now.
+    let ahead = "UPDATE histories SET since = 10413792000000; UPDATE changes SET time = 10413792000000";
+    crate::repair::sql(&lab, "robot.rmem", ahead);
+    let run = lab.rmem(&["query", NS, "--at", "0s"]).exits(2);
+    assert!(run.stderr.contains("the history begins at 2300-01-01 00:00:00 UTC"), "{run}");
+    assert!(run.stderr.contains("by a clock that was set back since"), "{run}");
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 2}}"]).success();
+    let first = last_time(&lab);
+    tick();
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 3}}"]).success();
+    assert_eq!(lab.rmem(&["query", NS, "--at", &first]).success(), "{\"_id\":1,\"n\":2}\n");
+    let run = lab.rmem(&["query", NS, "--at", "2026-01-01T00:00:00Z"]).exits(2);
+    assert!(run.stderr.contains("the history begins at") && !run.stderr.contains("2300"), "{run}");
+}
+
+#[test]
 fn record_is_for_servers() {
     let lab = lab();
     lab.rmem(&["insert", NS, "{_id: 1}"]).success();
