@@ -14,6 +14,10 @@ const SYSTEM: [(&str, &str); 6] = [
 
 /// Returns a message with the words of the system in plain ones.
 pub(crate) fn words(text: &str) -> Cow<'_, str> {
+    // The words of the standard library, where the name of a temporary file was left out.
+    if let Some(doing) = text.strip_suffix("no storage space") {
+        return Cow::Owned(format!("{doing}the disk is full"));
+    }
     if !text.contains("(os error ") {
         return Cow::Borrowed(text);
     }
@@ -64,7 +68,16 @@ pub(crate) fn kinds(message: &str, map: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::kinds;
+    use super::{kinds, words};
+
+    #[test]
+    fn a_full_disk_has_one_name() {
+        let full = std::io::Error::from_raw_os_error(28);
+        let unnamed = std::io::Error::from(full.kind());
+        for error in [full, unnamed] {
+            assert_eq!(words(&format!("cannot write x: {error}")), "cannot write x: the disk is full");
+        }
+    }
 
     #[test]
     fn no_word_of_the_programming_language_is_left() {

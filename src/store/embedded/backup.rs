@@ -40,7 +40,7 @@ impl Embedded {
             .and_then(|_| Connection::open(name)?.pragma_update(None, "journal_mode", "WAL"))
             .map_err(|error| match failure::is_damage(&error) {
                 true => self.explain(&error),
-                false => failure::explain(&place, &error),
+                false => failure::explain_copy(&place, &error),
             })?;
         std::fs::File::open(name).and_then(|file| file.sync_all()).map_err(write)?;
         staged.persist_noclobber(path).map_err(|error| write(error.error))?;
