@@ -101,14 +101,24 @@ impl Embedded {
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
             | OpenFlags::SQLITE_OPEN_EXRESCODE;
-        let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e));
+        let is_new = path.symlink_metadata().is_err();
+        let opened = Self::open_with(path, &place, flags);
+        if is_new && opened.as_ref().is_err_and(failure::is_of_full_disk) {
+            remove_blank(path);
+            return Err(failure::no_room(&place));
+        }
+        opened
+    }
+
+    fn open_with(path: &Path, place: &Place, flags: OpenFlags) -> Result<Self, StoreError> {
+        let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(place, &e));
         match Self::prepare(open()?, place.clone()) {
             Err(error) if failure::is_of_full_disk(&error) => {
                 // Without room for the index of the log beside the file, the index is in memory. Other processes wait then.
                 let connection = open()?;
                 let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
-                alone.map_err(|e| failure::explain(&place, &e))?;
-                Ok(Self { identity: None, ..Self::prepare(connection, place)? })
+                alone.map_err(|e| failure::explain(place, &e))?;
+                Ok(Self { identity: None, ..Self::prepare(connection, place.clone())? })
             }
             prepared => prepared,
         }
@@ -194,6 +204,21 @@ impl Embedded {
             log_size: LogSize::default(),
             spare: Spare::default(),
         })
+    }
+}
+
+/// Removes a file that has not become a memory, with what is beside it. What another process laid out, or uses, stays.
+fn remove_blank(path: &Path) {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let Ok(connection) = Connection::open_with_flags(path, flags) else { return };
+    // Without room for the index of its log, the log is read by one process alone.
+    let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
+    if alone.and_then(|()| Marks::read(&connection)).is_ok_and(|marks| marks.blank) {
+        for end in ["", "-wal", "-shm"] {
+            let mut name = path.as_os_str().to_owned();
+            name.push(end);
+            let _ = std::fs::remove_file(name);
+        }
     }
 }
 
