@@ -12,7 +12,10 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// How many guards there are.
 static GUARDS: AtomicUsize = AtomicUsize::new(0);
 
-/// Files that are not finished.
+/// How often the removal of a folder is tried.
+const REMOVALS: usize = 100;
+
+/// Files and folders that are not finished.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 thread_local! {
@@ -32,16 +35,25 @@ pub fn received() -> bool {
     let ends = again || GUARDS.load(Ordering::SeqCst) == 0;
     if ends {
         // One that has taken the place of its target by now is not there any more.
-        unfinished(|files| files.iter().for_each(|path| drop(fs::remove_file(path))));
+        unfinished(|files| files.iter().for_each(|path| remove(path)));
     }
     ends
+}
+
+/// Removes a file, or a folder with what is in it; another thread may write into it meanwhile.
+fn remove(path: &Path) {
+    for _ in 0..REMOVALS {
+        if fs::remove_file(path).or_else(|_| fs::remove_dir_all(path)).is_ok() || fs::symlink_metadata(path).is_err() {
+            return;
+        }
+    }
 }
 
 fn unfinished(work: impl FnOnce(&mut Vec<PathBuf>)) {
     work(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
-/// While it lives, an interruption that ends the process removes its file.
+/// While it lives, an interruption that ends the process removes its file, or its folder.
 #[derive(Debug)]
 pub(crate) struct Unfinished(PathBuf);
 

@@ -168,7 +168,13 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
                 flags.iter().filter(|(name, _)| options.contains(name)).map(|(_, flag)| *flag).collect();
             (!flags.is_empty()).then(|| format!("write:{flags}"))
         }
-        number if number.strip_prefix('-').is_some_and(|n| n.parse::<u64>().is_ok()) && is_of("query") => {
+        number
+            if is_negative(number)
+                && let Some(tip) = of_negative(number, args) =>
+        {
+            Some(tip)
+        }
+        number if is_negative(number) && is_of("query") => {
             Some("all documents are printed without '--limit'".to_owned())
         }
         "--all" if is_of("update") => Some("'--many' changes all documents that match".to_owned()),
@@ -189,12 +195,6 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
         "--explain" if is_of("plan") => {
             Some("'rmem gen-problem --explain ATOM' explains an atom, and 'rmem plan why' a plan".to_owned())
         }
-        number if number.starts_with('-') && number.parse::<f64>().is_ok() => {
-            // Behind `--`, as clap proposes, it would be no value of the option.
-            let before = args.windows(2).find(|pair| pair[1] == number).and_then(|pair| pair[0].to_str());
-            let option = before.filter(|before| before.starts_with("--"));
-            option.map(|option| format!("'{option}' takes no negative number"))
-        }
         _ => known().map(|(_, tip)| (*tip).to_owned()),
     };
     if let Some(tip) = tip {
@@ -202,6 +202,24 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
     error
+}
+
+/// Whether an argument is a negative number, or its beginning: of `-29m`, `-2` is what clap takes for an option.
+fn is_negative(argument: &str) -> bool {
+    argument.strip_prefix('-').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+}
+
+/// The tip for a negative value of an option. Behind `--`, as clap proposes, it would be no value of the option.
+fn of_negative(number: &str, args: &[OsString]) -> Option<String> {
+    let pairs = args.windows(2).filter_map(|pair| Some((pair[0].to_str()?, pair[1].to_str()?)));
+    let (option, value) =
+        pairs.into_iter().find(|(option, value)| option.starts_with("--") && value.starts_with(number))?;
+    let positive = value.trim_start_matches('-');
+    Some(match option {
+        "--at" | "--since" => format!("a time that is past has no sign: {option} {positive}"),
+        _ if value.parse::<f64>().is_ok() => format!("'{option}' takes no negative number"),
+        _ => format!("'{option}' takes no negative value"),
+    })
 }
 
 /// Whether an argument is the name of a domain, a problem or a template.

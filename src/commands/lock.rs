@@ -8,7 +8,7 @@ use clap::builder::NonEmptyStringValueParser;
 use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::quantity;
+use crate::formats::{quantity, visible};
 use crate::memory::lock::{Mutex, Tried};
 use crate::store::{Namespace, NamespaceError};
 
@@ -81,7 +81,7 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
     if args.force {
         let (former, document) = mutex.force(&memory, args.ttl)?;
         if let Some(former) = former {
-            context.output.note(&format!("{} was {former}", args.name));
+            context.output.note(&format!("{} was {former}", visible::line(&args.name)));
         }
         context.print_result(document)?;
         return Ok(Exit::Done);
@@ -92,7 +92,7 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
             Ok(Exit::Done)
         }
         Tried::Held(holder) => {
-            context.output.error(&format!("{} is {holder}", args.name));
+            context.output.error(&format!("{} is {holder}", visible::line(&args.name)));
             Ok(Exit::Conflict)
         }
         Tried::Free => Ok(Exit::Conflict),

@@ -107,14 +107,15 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     let fields = fields(args, kind)?;
     let memory = context.memory()?;
     let taken = take(args, &fields, kind, &memory)?;
+    let all = taken.used + taken.skipped + taken.undrawable;
     if taken.skipped > 0 {
-        context.output.note(&format!(
-            "{} of {} documents lack {} and are left out",
-            taken.skipped,
-            taken.used + taken.skipped,
-            listed(&fields, kind, " or ")
-        ));
+        let fields = listed(&fields, kind, " or ");
+        context.output.note(&format!("{} of {all} documents lack {fields} and are left out", taken.skipped));
     }
+    if taken.undrawable > 0 {
+        context.output.note(&undrawable(taken.undrawable, all, &listed(&fields, kind, " or ")));
+    }
+    let is_undrawable = taken.undrawable > 0;
     let title = args.title.clone().unwrap_or_else(|| args.namespace.to_string());
     let mut chart = taken.chart(&fields, kind, title, args.size);
     (chart.x.log, chart.y.log) = (args.log_x, args.log_y);
@@ -124,6 +125,11 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     if chart.series.is_empty() {
         // What is not there has no fields either.
         missing::refuse(&args.namespace, &memory, context)?;
+        if is_undrawable {
+            return Err(
+                WrongInput::new(format!("no document of {} has numbers that can be drawn", args.namespace)).into()
+            );
+        }
         let options: Vec<String> = fields.needed(kind).iter().map(|(option, _)| format!("{option} FIELD")).collect();
         return Err(WrongInput::new(format!(
             "no document of {} has what is drawn, {}; {} draw other fields, which rmem schema {0} prints",
@@ -135,6 +141,13 @@ pub(super) fn run(args: &PlotArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     write(&args.output, &chart.draw()?, context)?;
     Ok(Exit::Done)
+}
+
+/// Says that numbers cannot be drawn.
+fn undrawable(count: u64, all: u64, fields: &str) -> String {
+    format!(
+        "{count} of {all} documents have a number in {fields} that cannot be drawn (too large, or NaN) and are left out"
+    )
 }
 
 /// The fields without which a document is not drawn, as messages have them.

@@ -128,7 +128,7 @@ pub(super) fn request(
 
 fn unchecked(template: Source, options: &TemplateArgs, context: &Context<'_>) -> Result<Request, Diagnostic> {
     let mut request = Request {
-        template,
+        template: template.without_mark(),
         parts: Vec::new(),
         syntax: match options.syntax {
             TemplateSyntax::Auto => Syntax::Auto,

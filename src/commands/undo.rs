@@ -9,10 +9,10 @@ use super::{Context, UsageError, formats, missing};
 use crate::calendar::day_and_time;
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::shell;
+use crate::formats::{shell, visible};
 use crate::memory::Memory;
 use crate::memory::history::Selection;
-use crate::memory::undo::{DEFAULT_LAST, Restoration, UndoPlan};
+use crate::memory::undo::{DEFAULT_LAST, PartialRun, Restoration, UndoPlan};
 use crate::output::{Format, amount};
 use crate::store::{Entry, StoreError, metadata};
 
@@ -29,7 +29,8 @@ documents become what they were, with their metadata; what was dropped comes bac
 --by or --change, all changes that are selected are taken back; --last limits them.
 
 Where documents were changed again later, nothing is done, and the later changes are printed (exit code 5); --force \
-overwrites them. Exits with 1 where nothing is to be taken back. `undo` is itself in the history: after it, `undo` takes the undo back.";
+overwrites them. Exits with 1 where nothing is to be taken back, or \
+where the oldest changes of a run are not kept any more (history_size, keep_history); --partial takes back those that are. `undo` is itself in the history: after it, `undo` takes the undo back.";
 
 /// Take changes back, as the history has them
 #[derive(Debug, Args)]
@@ -47,6 +48,9 @@ pub struct UndoArgs {
     /// Overwrite later changes
     #[arg(long)]
     pub force: bool,
+    /// Take back what is left of a run whose oldest changes are not kept any more
+    #[arg(long)]
+    pub partial: bool,
     /// Print what each document would become, and do nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -70,6 +74,11 @@ pub(super) fn run(args: &UndoArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let last = last(args);
     let plan = memory.plan_undo(&selection, last).map_err(|error| blame(error, &query))?;
+    if let Some(run) = plan.partial.as_ref().filter(|_| !args.partial) {
+        print(None, result(&UndoPlan::default()), context)?;
+        context.output.error(&incomplete(run));
+        return Ok(Exit::No);
+    }
     if !args.dry_run {
         if let Some(what) = conflicts(&plan).filter(|_| !args.force) {
             return Err(StoreError::Held { what }.into());
@@ -130,6 +139,18 @@ fn result(plan: &UndoPlan) -> Document {
     }
 }
 
+/// Says which run is not kept as a whole.
+fn incomplete(run: &PartialRun) -> String {
+    let author = run.newest.author.as_ref().map(|author| format!(" of {}", visible::line(author))).unwrap_or_default();
+    let time = day_and_time(run.newest.change.time.timestamp_millis());
+    let are_kept = if run.kept == 1 { "is kept" } else { "are kept" };
+    format!(
+        "of the run{author} that ended at {time} UTC, {} {are_kept}, and the older ones are not any more (history_size \
+         and keep_history in rmem.toml); nothing was done, --partial takes back what is kept",
+        amount(run.kept as u64, "change"),
+    )
+}
+
 /// Says which later changes would be overwritten.
 fn conflicts(plan: &UndoPlan) -> Option<String> {
     let lines: Vec<String> = plan.conflicts().flat_map(overwritten).collect();
@@ -148,7 +169,7 @@ fn overwritten(document: &Restoration) -> Vec<String> {
 }
 
 fn later(entry: &Entry) -> String {
-    let by = entry.author.as_ref().map(|author| format!(" by {author}")).unwrap_or_default();
+    let by = entry.author.as_ref().map(|author| format!(" by {}", visible::line(author))).unwrap_or_default();
     let time = day_and_time(entry.change.time.timestamp_millis());
     format!("{}{by} at {time} UTC (position {})", entry.change.kind.name(), entry.change.position)
 }

@@ -8,6 +8,7 @@ use super::lock::{HolderOptions, collection, mutex};
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::formats::visible;
 use crate::memory::lock::{Tried, release_expired as release};
 
 /// What stands below the help of `unlock`.
@@ -45,11 +46,15 @@ pub(super) fn run(args: &UnlockArgs, context: &mut Context<'_>) -> Result<Exit> 
             Ok(Exit::Done)
         }
         Tried::Held(holder) => {
-            context.output.error(&format!("{name} is {holder}, not by {}", mutex.owner));
+            context.output.error(&format!(
+                "{} is {holder}, not by {}",
+                visible::line(name),
+                visible::line(&mutex.owner)
+            ));
             Ok(Exit::Conflict)
         }
         Tried::Free => {
-            context.output.error(&format!("{name} is not locked"));
+            context.output.error(&format!("{} is not locked", visible::line(name)));
             Ok(Exit::No)
         }
     }

@@ -3,16 +3,21 @@
 use std::borrow::Cow;
 
 /// What the system says where a file cannot be used, and the same in plain words.
-const SYSTEM: [(&str, &str); 5] = [
+const SYSTEM: [(&str, &str); 6] = [
     ("No such file or directory (os error 2)", "there is no such file or folder"),
     ("Permission denied (os error 13)", "permission denied"),
     ("Not a directory (os error 20)", "a part of the path is no folder"),
     ("Is a directory (os error 21)", "it is a folder"),
-    ("No space left on device (os error 28)", "no space is left on the device"),
+    ("Too many levels of symbolic links (os error 40)", "it is a symbolic link that leads back to itself; name a file"),
+    ("No space left on device (os error 28)", "the disk is full"),
 ];
 
 /// Returns a message with the words of the system in plain ones.
 pub(crate) fn words(text: &str) -> Cow<'_, str> {
+    // The words of the standard library, where the name of a temporary file was left out.
+    if let Some(doing) = text.strip_suffix("no storage space") {
+        return Cow::Owned(format!("{doing}the disk is full"));
+    }
     if !text.contains("(os error ") {
         return Cow::Borrowed(text);
     }
@@ -63,7 +68,16 @@ pub(crate) fn kinds(message: &str, map: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::kinds;
+    use super::{kinds, words};
+
+    #[test]
+    fn a_full_disk_has_one_name() {
+        let full = std::io::Error::from_raw_os_error(28);
+        let unnamed = std::io::Error::from(full.kind());
+        for error in [full, unnamed] {
+            assert_eq!(words(&format!("cannot write x: {error}")), "cannot write x: the disk is full");
+        }
+    }
 
     #[test]
     fn no_word_of_the_programming_language_is_left() {

@@ -33,6 +33,15 @@ impl Source {
         Self { first_column, ..self }
     }
 
+    /// The same text without the mark of its byte order, with which some editors begin a file.
+    #[must_use]
+    pub fn without_mark(self) -> Self {
+        match self.text.strip_prefix('\u{feff}') {
+            Some(text) => Self { text: text.into(), ..self },
+            None => self,
+        }
+    }
+
     /// The name messages use.
     #[must_use]
     pub fn name(&self) -> &str {

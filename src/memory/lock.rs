@@ -12,6 +12,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::Memory;
 use super::modify::Modification;
+use crate::formats::visible;
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
 
@@ -185,7 +186,7 @@ impl Holder {
 
 impl std::fmt::Display for Holder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "held by {}", self.owner)?;
+        write!(f, "held by {}", visible::line(&self.owner))?;
         let text = |date: DateTime| date.try_to_rfc3339_string().unwrap_or_else(|_| date.to_string());
         if let Some(since) = self.since {
             write!(f, " since {}", text(since))?;

@@ -5,12 +5,12 @@
 
 use std::collections::BTreeMap;
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::Memory;
 use super::history::Selection;
 use crate::query::{Collation, QueryError, key};
-use crate::store::history::Entry;
+use crate::store::history::{Entry, History};
 use crate::store::{ChangeKind, Find, Namespace, StoreError};
 
 /// How many of the last runs of commands are taken back where nothing else is selected.
@@ -29,11 +29,22 @@ pub struct Restoration {
     pub differs: bool,
 }
 
+/// A run of a command whose oldest changes are not kept any more.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartialRun {
+    /// How many of its changes are kept and selected.
+    pub kept: usize,
+    /// The newest of them.
+    pub newest: Entry,
+}
+
 /// What taking changes back does.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct UndoPlan {
     /// How many changes are taken back.
     pub changes: usize,
+    /// The oldest run of a command of which not all changes are kept any more.
+    pub partial: Option<PartialRun>,
     /// The newest of them.
     pub newest: Option<Entry>,
     /// What becomes of the documents, in the order of their first change.
@@ -79,6 +90,7 @@ impl Memory {
             let first = start_of_runs(&selected, last);
             selected.drain(..first);
         }
+        let partial = self.partial_run(selection, &selected)?;
         let whole =
             Selection { filter: Document::new(), since: None, by: None, positions: Vec::new(), ..selection.clone() };
         let mut changes: BTreeMap<Vec<u8>, Changes> = BTreeMap::new();
@@ -106,7 +118,22 @@ impl Memory {
         ordered.sort_by_key(|changes| changes.order);
         let documents = ordered.into_iter().filter_map(|changes| self.restoration(ns, changes).transpose());
         let documents = documents.collect::<Result<_, _>>()?;
-        Ok(UndoPlan { changes: count, newest: selected.pop(), documents, collation })
+        Ok(UndoPlan { changes: count, partial, newest: selected.pop(), documents, collation })
+    }
+
+    /// The oldest run of these changes of which a selection may want more than is kept.
+    fn partial_run(&self, selection: &Selection, selected: &[Entry]) -> Result<Option<PartialRun>, StoreError> {
+        let ns = &selection.namespace;
+        let history = self.routes.reading(ns)?.history(ns, Some(DateTime::now()))?;
+        let Some(History { since: whole_since, cut_runs, .. }) = history else { return Ok(None) };
+        let is_whole = selection.since.is_some_and(|since| since >= whole_since);
+        if is_whole || !selection.positions.is_empty() {
+            return Ok(None);
+        }
+        let run = selected.iter().filter_map(|entry| entry.run).find(|run| cut_runs.contains(run));
+        let mut kept = selected.iter().filter(|entry| run.is_some() && entry.run == run);
+        let count = kept.clone().count();
+        Ok(kept.next_back().map(|newest| PartialRun { kept: count, newest: newest.clone() }))
     }
 
     /// What becomes of a document; nothing where it stays as it is.

@@ -114,5 +114,6 @@ fn read(path: &Path) -> Result<Source, String> {
     if !fs::metadata(path).map_err(failed)?.is_file() {
         return Err(format!("{} is not a file", path.display()));
     }
-    decode(&path.display().to_string(), fs::read(path).map_err(failed)?).map_err(|error| error.to_string())
+    let decoded = decode(&path.display().to_string(), fs::read(path).map_err(failed)?);
+    decoded.map(Source::without_mark).map_err(|error| error.to_string())
 }

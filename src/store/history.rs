@@ -1,5 +1,6 @@
 //! What a store keeps of changes: the history of a collection, and the collection as it was.
 
+use std::collections::HashSet;
 use std::time::Duration;
 
 use bson::DateTime;
@@ -41,6 +42,8 @@ pub struct Entry {
 pub struct History<'a> {
     /// All changes since then are kept.
     pub since: DateTime,
+    /// The runs of commands of which the oldest changes are not kept any more.
+    pub cut_runs: HashSet<i64>,
     /// The changes in order.
     pub entries: Box<dyn Iterator<Item = Result<Entry, StoreError>> + 'a>,
 }
@@ -87,7 +90,9 @@ pub fn not_kept(ns: &Namespace, rules: &[HistoryRule]) -> StoreError {
 #[must_use]
 pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
     let text = |time: DateTime| day_and_time(time.timestamp_millis());
-    let reason = format!("the history begins at {} UTC; what was there at {} is not known", text(since), text(at));
+    let clock = if since > DateTime::now() { " by a clock that was set back since" } else { "" };
+    let reason =
+        format!("the history begins at {} UTC{clock}; what was there at {} is not known", text(since), text(at));
     StoreError::Unfit { address: ns.to_string(), reason }
 }
 

@@ -223,7 +223,9 @@ pub trait Store: Send {
     /// `begun` when it has begun. Returns how many changes it recorded.
     fn record(&self, ns: &Namespace, stop: &AtomicBool, begun: &mut dyn FnMut()) -> Result<u64, StoreError> {
         let _ = (ns, stop, begun);
-        let reason = "every write keeps the history of a file itself; `record` is for MongoDB".to_owned();
+        let reason =
+            "`record` is for MongoDB; where keep_history says so, every write to a file keeps its history itself"
+                .to_owned();
         Err(StoreError::Unfit { address: self.describe(), reason })
     }
 

@@ -36,6 +36,13 @@ pub fn number(value: &Bson) -> Option<f64> {
     (number.abs() <= MAX).then_some(number)
 }
 
+/// Whether a value is a number that cannot be drawn: none, an infinite one, or one that is too large.
+#[must_use]
+pub fn is_undrawable(value: &Bson) -> bool {
+    let is_number = matches!(value, Bson::Double(_) | Bson::Int32(_) | Bson::Int64(_) | Bson::Decimal128(_));
+    is_number && number(value).is_none()
+}
+
 /// A value as people read it.
 #[must_use]
 pub fn text(value: &Bson) -> String {

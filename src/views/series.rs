@@ -3,7 +3,7 @@
 use bson::Document;
 
 use super::chart::{Axis, Chart, Interval, Kind, Point, Series, timeline_height};
-use super::field::{lookup, number, text};
+use super::field::{is_undrawable, lookup, number, text};
 use crate::formats::scene::Pose;
 use crate::formats::scene::document::numbers;
 
@@ -39,6 +39,8 @@ pub struct Taken {
     pub used: u64,
     /// How many have not.
     pub skipped: u64,
+    /// How many have a number that cannot be drawn, such as 1e301.
+    pub undrawable: u64,
     /// Whether x is a date.
     pub x_dates: bool,
     /// Whether y is a date.
@@ -80,6 +82,7 @@ impl Taken {
         };
         match taken {
             Some(()) => self.used += 1,
+            None if has_undrawable(document, fields, kind) => self.undrawable += 1,
             None => self.skipped += 1,
         }
     }
@@ -143,6 +146,11 @@ impl Taken {
         let axis = |label: String, dates: bool| Axis { label, dates, ..Axis::default() };
         Chart { title, x: axis(x, self.x_dates), y: axis(y, self.y_dates), kind, series: self.series, size }
     }
+}
+
+/// Whether a needed field of a document is a number that cannot be drawn.
+fn has_undrawable(document: &Document, fields: &Fields, kind: Kind) -> bool {
+    fields.needed(kind).iter().any(|(_, field)| lookup(document, field).is_some_and(is_undrawable))
 }
 
 /// The heading under a field, else how the document's rotation turns about z.

@@ -4,6 +4,19 @@ use crate::lab::{Lab, assert_run};
 use crate::restore::{changed, dumped};
 
 #[test]
+fn a_memory_in_the_place_of_a_file_is_named_as_one() {
+    let lab = Lab::empty();
+    lab.rmem(&["--memory", "file:c.rmem", "insert", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["--memory", "file:c.rmem", "dump", "--all", "-o", "world.json"]).success();
+    for sides in [["c.rmem", "world.json"], ["world.json", "c.rmem"]] {
+        let refused = lab.rmem(&["diff", sides[0], sides[1]]).exits(3);
+        let wanted = "error: c.rmem: it is a memory, which file:c.rmem names, or another SQLite database\n";
+        assert_eq!(refused.stderr, wanted);
+    }
+    assert_eq!(lab.rmem(&["diff", "file:c.rmem", "world.json"]).success(), "");
+}
+
+#[test]
 fn differences_are_a_line_a_document() {
     let lab = dumped(&["--gzip"]);
     lab.rmem(&["dump", "--all", "-o", "world.json"]).success();

@@ -101,6 +101,24 @@ fn files_of_killed_dumps_are_removed_by_the_next() {
 }
 
 #[test]
+fn a_dump_or_a_backup_that_is_interrupted_leaves_nothing() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let documents: String =
+        (0..30_000).map(|n| format!("{{\"n\": {n}, \"pad\": \"{}\"}}\n", "x".repeat(2_000))).collect();
+    lab.write("many.jsonl", &documents);
+    lab.rmem(&["insert", "a.b", "--file", "many.jsonl"]).success();
+    for signal in ["INT", "TERM"] {
+        for command in ["dump --all -o out/folder", "dump --all --archive -o out/archive", "backup out/copy.rmem"] {
+            let script = format!(
+                "mkdir out; rmem {command} & until ls -A out | grep -q .; do :; done; kill -{signal} $!; wait $!"
+            );
+            lab.shell(&script).exits(130);
+            assert_eq!(lab.shell("ls -AR out && rmdir out").success(), "out:\n", "{command}");
+        }
+    }
+}
+
+#[test]
 fn a_dump_loads_again_and_gives_the_same_bytes() {
     let lab = three_documents();
     lab.rmem(&["dump", "--all", "-o", "world.json"]).success();

@@ -200,7 +200,7 @@ fn a_full_stdout_is_4_and_named() {
     lab.rmem(&["insert", "robmem.x", "{a: 1}", "-q"]).success();
     assert_run!(lab.shell("rmem query robmem.x > /dev/full"), @r"
     ------- stderr -------
-    error: cannot write to stdout: no space is left on the device
+    error: cannot write to stdout: the disk is full
     [exit code: 4]
     ");
 }

@@ -258,6 +258,70 @@ fn a_filter_that_would_make_more_than_any_memory_holds_is_refused() {
 }
 
 #[test]
+fn a_template_that_is_too_long_for_its_parser_is_refused_before_a_goal_is_looked_for_in_it() {
+    let lab = Lab::new();
+    for (template, wanted) in [
+        (format!("{{{{ {}1 }}}}", "-".repeat(20_000)), "an expression has more than 1000 operators"),
+        (
+            format!("{{% if a %}}{}{{% endif %}}", "{% elif b %}".repeat(10_000)),
+            "more than 500 `elif` in one condition",
+        ),
+        ("{% if a %}".repeat(200_000), "more than 150 blocks are open here"),
+    ] {
+        lab.write("t.j2", &template);
+        let refused = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2", "--goal", "(a)"]).exits(3);
+        assert!(refused.stderr.contains(wanted), "{refused}");
+    }
+}
+
+#[test]
+fn an_operator_or_a_block_that_would_make_more_than_any_memory_holds_is_refused() {
+    let lab = Lab::new();
+    let doubled = |change: &str| {
+        format!("{{% set ns = namespace(x='aaaaaaaa', l=[1]) %}}{{% for i in range(60) %}}{change}{{% endfor %}}")
+    };
+    let mut refusals = String::new();
+    for template in [
+        doubled("{% set ns.x = ns.x ~ ns.x %}"),
+        doubled("{% set ns.x = ns.x + ns.x %}"),
+        doubled("{% set ns.l = ns.l + ns.l %}") + "{{ ns.l|list|length }}",
+        doubled("{% set ns.l = [ns.l, ns.l] %}") + "{{ (ns.l ~ '')|length }}",
+        doubled("{% set ns.x %}{{ ns.x }}{{ ns.x }}{% endset %}"),
+        "{{ ('a' * 5000000)|list|length }}".to_owned(),
+    ] {
+        lab.write("t.j2", &template);
+        let refused = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]).exits(3);
+        refusals += refused.stderr.lines().next().unwrap_or_default();
+        refusals += "\n";
+    }
+    insta::assert_snapshot!(refusals, @r"
+    error: t.j2:1:88: a text of 134217728 bytes is too long for an operator; expected at most 67108864
+    error: t.j2:1:88: a text of 134217728 bytes is too long for an operator; expected at most 67108864
+    error: t.j2:1:88: a list of 4194304 elements is too long; expected at most 4000000
+    error: t.j2:1:111: a list or map is too long to be written as text; expected at most 4194304 bytes
+    error: t.j2:1:84: the template writes more than 512 MiB of text
+    error: t.j2:1:20: a list of 5000000 elements is too long; expected at most 4000000
+    ");
+    lab.write(
+        "t.j2",
+        "{% set a = 'x' %}{{ a ~ ([a] + ['y'])|length }} {{ ([a] + ['z'])|join('_') ~ a|lower }} {{ 1 + a|length }}\n",
+    );
+    assert_eq!(lab.rmem(&["gen-problem", "--memory", "mem:", "-t", "t.j2"]).success(), "x2 x_zx 2\n");
+}
+
+#[test]
+fn the_mark_of_a_templates_byte_order_is_not_in_its_problem() {
+    let lab = Lab::new();
+    lab.write("t.j2", "\u{feff}{% include 'part.j2' %}(b)\n");
+    lab.write("part.j2", "\u{feff}(a)");
+    lab.write("t.tmpl", "\u{feff}(a)(b)\n");
+    for template in ["t.j2", "t.tmpl"] {
+        let problem = lab.rmem(&["gen-problem", "--memory", "mem:", "-t", template]).success();
+        assert_eq!(problem, "(a)(b)\n", "{template}");
+    }
+}
+
+#[test]
 fn the_check_against_a_domain_names_template_line_and_document() {
     let lab = lab();
     lab.write("typo.tmpl", &MARKER.replace("(on-table <<object>>)", "(on-tabel <<object>>)"));

@@ -11,6 +11,23 @@ fn commands(lab: &Lab) -> Vec<String> {
 }
 
 #[test]
+fn a_negative_value_of_an_option_gets_a_tip_about_that_option() {
+    let lab = Lab::empty();
+    for (line, tip) in [
+        ("query a.b --skip -1", "'--skip' takes no negative number"),
+        ("query a.b --limit -1", "'--limit' takes no negative number"),
+        ("query a.b --at -29m", "a time that is past has no sign: --at 29m"),
+        ("history a.b --since -10m", "a time that is past has no sign: --since 10m"),
+        ("lock t --owner r --wait -1s", "'--wait' takes no negative value"),
+        ("query a.b -5", "all documents are printed without '--limit'"),
+    ] {
+        let refused = lab.rmem(&line.split(' ').collect::<Vec<_>>()).exits(2);
+        assert!(refused.stderr.contains(&format!("tip: {tip}\n")), "{line}: {refused}");
+        assert_eq!(refused.stderr.matches("tip:").count(), 1, "{line}: {refused}");
+    }
+}
+
+#[test]
 fn the_help_of_a_command_is_the_same_after_help_and_with_the_option() {
     let lab = Lab::empty();
     let commands = commands(&lab);

@@ -295,11 +295,60 @@ fn a_history_is_bounded_by_its_size() {
 }
 
 #[test]
+fn a_run_whose_oldest_changes_are_not_kept_is_taken_back_only_where_that_is_asked_for() {
+    let lab = with_settings("keep_history = '24h'\nhistory_size = '1M'\n");
+    let documents: String = (0..8_000).map(|id| format!("{{_id: {id}, n: 0}}\n")).collect();
+    lab.rmem_with(&["insert", NS, "--file", "-"], &documents).success();
+    lab.rmem(&["insert", "robmem.other", "{_id: 1}"]).success();
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 1}}", "--many"]).success();
+    let refused = lab.rmem(&["undo", NS]).exits(1);
+    assert_eq!(refused.stdout, "{\"changes\":0,\"restored\":0,\"removed\":0}\n");
+    assert!(refused.stderr.contains("error: of the run of rmem update that ended at "), "{refused}");
+    assert!(refused.stderr.contains("the older ones are not any more"), "{refused}");
+    assert_eq!(lab.rmem(&["count", NS, "{n: 1}"]).success(), "8000\n");
+    // A run that is kept as a whole is taken back, whatever was removed before it.
+    lab.rmem(&["update", NS, "{_id: {$lt: 100}}", "{$set: {n: 2}}", "--many"]).success();
+    assert!(lab.rmem(&["undo", NS, "--last", "2"]).exits(1).stderr.contains("--partial"));
+    assert_eq!(lab.rmem(&["undo", NS]).success(), "{\"changes\":100,\"restored\":100,\"removed\":0}\n");
+    // Removals that follow cut another run, and the first one more.
+    for n in 3..30 {
+        let update = format!("{{$set: {{n: {n}}}}}");
+        lab.rmem(&["update", NS, "{_id: {$lt: 200}}", &update, "--many"]).success();
+    }
+    assert_eq!(lab.rmem(&["undo", NS, "--last", "5", "--dry-run"]).success().lines().count(), 1);
+    let by = ["undo", NS, "--by", "rmem update"];
+    assert!(lab.rmem(&by).exits(1).stderr.contains("--partial"));
+    let kept = history(&lab, &[]).len();
+    let run = lab.rmem(&[&by[..], &["--partial"]].concat()).success();
+    assert!((1_000..6_000).contains(&kept) && run.starts_with("{\"changes\":"), "{kept} {run}");
+    assert_eq!(lab.rmem(&["undo", "robmem.other"]).exits(1).stdout, "{\"changes\":0,\"restored\":0,\"removed\":0}\n");
+}
+
+#[test]
+fn a_clock_that_was_ahead_hides_the_history_no_longer_than_until_the_next_change() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, n: 1}"]).success();
+    // As if the clock had said 2300 until now.
+    let ahead = "UPDATE histories SET since = 10413792000000; UPDATE changes SET time = 10413792000000";
+    crate::repair::sql(&lab, "robot.rmem", ahead);
+    let run = lab.rmem(&["query", NS, "--at", "0s"]).exits(2);
+    assert!(run.stderr.contains("the history begins at 2300-01-01 00:00:00 UTC"), "{run}");
+    assert!(run.stderr.contains("by a clock that was set back since"), "{run}");
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 2}}"]).success();
+    let first = last_time(&lab);
+    tick();
+    lab.rmem(&["update", NS, "{}", "{$set: {n: 3}}"]).success();
+    assert_eq!(lab.rmem(&["query", NS, "--at", &first]).success(), "{\"_id\":1,\"n\":2}\n");
+    let run = lab.rmem(&["query", NS, "--at", "2026-01-01T00:00:00Z"]).exits(2);
+    assert!(run.stderr.contains("the history begins at") && !run.stderr.contains("2300"), "{run}");
+}
+
+#[test]
 fn record_is_for_servers() {
     let lab = lab();
     lab.rmem(&["insert", NS, "{_id: 1}"]).success();
     let run = lab.rmem(&["record", NS]).exits(2);
-    assert!(run.stderr.contains("every write keeps the history of a file itself"), "{run}");
+    assert!(run.stderr.contains("where keep_history says so, every write to a file keeps its history itself"), "{run}");
 }
 
 #[test]

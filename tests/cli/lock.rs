@@ -10,6 +10,18 @@ fn lock(lab: &Lab, owner: &str, args: &[&str]) -> crate::lab::Finished {
 }
 
 #[test]
+fn a_name_or_an_owner_of_several_lines_is_shown_in_one() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let name = "x\u{1b}[31m\nerror: forged";
+    lab.rmem(&["lock", name, "--owner", "r1\nerror: forged"]).success();
+    let held = lab.rmem(&["lock", name, "--owner", "r2"]).exits(5);
+    let start = "error: x\\u{1b}[31m\\nerror: forged is held by r1\\nerror: forged since ";
+    assert!(held.stderr.starts_with(start) && held.stderr.lines().count() == 1, "{held}");
+    let held = lab.rmem(&["unlock", name, "--owner", "r2\n"]).exits(5);
+    assert!(held.stderr.starts_with(start) && held.stderr.lines().count() == 1, "{held}");
+}
+
+#[test]
 fn a_lock_excludes_others_until_it_is_given_back() {
     let lab = Lab::new();
     assert_run!(lock(&lab, "r1", &[]), @r#"

@@ -3,6 +3,22 @@
 use crate::lab::{Lab, assert_run, kitchen};
 
 #[test]
+fn numbers_that_are_too_large_are_not_called_missing() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "{x: 1, y: 1e301}", "{x: NaN, y: 1}", "{x: 1}"]).success();
+    let plot = ["plot", "a.b", "--x", "x", "--y", "y", "-o", "p.svg"];
+    let refused = lab.rmem(&plot).exits(3);
+    assert_eq!(
+        refused.stderr,
+        "1 of 3 documents lack `x` or `y` and are left out\n\
+         2 of 3 documents have a number in `x` or `y` that cannot be drawn (too large, or NaN) and are left out\n\
+         error: no document of a.b has numbers that can be drawn\n"
+    );
+    lab.rmem(&["insert", "a.b", "{x: 1, y: 2}"]).success();
+    assert_eq!(lab.rmem(&plot).exits(0).stderr.lines().count(), 2);
+}
+
+#[test]
 fn documents_are_drawn_as_svg_and_png() {
     let lab = Lab::new();
     kitchen(&lab, &["plot", "robmem.worldmodel", "--kind", "map", "--by", "type", "-o", "map.svg"]).exits(0);
@@ -32,7 +48,7 @@ fn odd_names_and_huge_numbers_leave_a_drawing_that_can_be_read() {
     let plot = ["plot", "a.b", "--x", "x", "--y", "y", "--kind", "bars", "--title", "t\u{1}\u{202e}", "-o", "out.svg"];
     assert_run!(lab.rmem(&plot), @r"
     ------- stderr -------
-    1 of 3 documents lack `x` or `y` and are left out
+    1 of 3 documents have a number in `x` or `y` that cannot be drawn (too large, or NaN) and are left out
     [exit code: 0]
     ");
     let svg = lab.read("out.svg");

@@ -21,6 +21,17 @@ pub(crate) const DAMAGE: &str = "UPDATE documents_1 SET body = CAST(substr(body,
      WHERE position = 2";
 
 #[test]
+fn an_empty_file_is_a_memory_without_documents_and_another_program_s_file_is_none() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:empty.rmem");
+    lab.write("empty.rmem", "");
+    assert_eq!(lab.rmem(&["repair", "-o", "saved.rmem"]).success(), "0 collections, 0 documents, 0 indexes\n");
+    assert_eq!(lab.rmem(&["--memory", "file:saved.rmem", "collections"]).success(), "");
+    sql(&lab, "other.db", "CREATE TABLE t (x)");
+    let refused = lab.rmem(&["--memory", "file:other.db", "repair", "-o", "saved2.rmem"]).exits(4);
+    assert!(refused.stderr.contains("an SQLite database of another program"), "{refused}");
+}
+
+#[test]
 fn repair_makes_indexes_anew() {
     let lab = lab();
     sql(&lab, "robot.rmem", "DELETE FROM entries_1");

@@ -115,6 +115,46 @@ fn a_failure_under_drop_leaves_the_old_content() {
 }
 
 #[test]
+fn ids_are_proposed_for_documents_without_one_alone() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let nested = (0..300).fold(b"\x05\0\0\0\0".to_vec(), |inner, _| {
+        let length = u32::try_from(inner.len() + 8).unwrap().to_le_bytes();
+        [&length[..], b"\x03a\0", &inner, b"\0"].concat()
+    });
+    fs::create_dir(lab.path().join("d")).unwrap();
+    fs::write(lab.path().join("d/deep.bson"), nested).unwrap();
+    fs::write(lab.path().join("d/plain.bson"), b"\x05\0\0\0\0").unwrap();
+    let refused = lab.rmem(&["restore", "d/deep.bson", "--into", "a.b"]).exits(3);
+    assert!(!refused.stderr.contains("--add-ids"), "{refused}");
+    let refused = lab.rmem(&["restore", "d/plain.bson", "--into", "a.b"]).exits(3);
+    assert!(refused.stderr.contains("the document has no _id; --add-ids gives it one"), "{refused}");
+}
+
+#[test]
+fn a_damaged_byte_and_a_link_to_itself_are_said_in_plain_words() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["dump", "--all", "--archive", "-o", "whole"]).success();
+    let whole = fs::read(lab.path().join("whole")).unwrap();
+    for at in 4..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] = 0xff;
+        fs::write(lab.path().join("damaged"), bytes).unwrap();
+        if at % 7 == 0 || whole[at..].starts_with(b"a\0\x02") {
+            let run = lab.rmem(&["restore", "damaged", "--dry-run"]);
+            assert!(!run.stderr.contains("Error {") && !run.stderr.contains("not BSON: BSON error"), "{at}: {run}");
+        }
+    }
+    std::os::unix::fs::symlink("l1", lab.path().join("l1")).unwrap();
+    for command in
+        [&["restore", "l1"][..], &["gen-problem", "--template", "l1"], &["--memory", "file:l1", "count", "a.b"]]
+    {
+        let refused = lab.rmem(command);
+        assert!(refused.stderr.contains("it is a symbolic link that leads back to itself; name a file"), "{refused}");
+    }
+}
+
+#[test]
 fn one_file_or_one_database_is_restored_too() {
     let lab = dumped(&[]);
     lab.rmem(&["restore", "dump/robmem/blocks.bson", "--into", "copy.blocks"]).success();

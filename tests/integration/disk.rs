@@ -15,6 +15,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("disk::deleting_helps_where_one_write_filled_the_disk", || deleting_helps(&filled_at_once)),
         Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
         Trial::test("disk::what_is_stored_is_read_where_others_filled_the_disk", read_without_room),
+        Trial::test("disk::what_does_not_fit_leaves_no_file_and_is_said_in_one_way", leave_nothing),
         Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
     ]
     .into_iter()
@@ -66,9 +67,60 @@ fn read_without_room() -> Result<(), Failed> {
     assert!(message.contains("the disk is full, and a deletion needs a few pages"), "{message}");
     let (code, _, message) = said(&["insert", "a.b", "{_id: 2}"])?;
     assert_eq!(code, Some(4), "{message}");
-    assert!(message.contains("the disk is full; make room or delete documents"), "{message}");
+    assert!(message.contains("the disk is full; remove other files, and repeat"), "{message}");
     std::fs::remove_file(other)?;
     assert!(disk.rmem(&["delete", "a.b", "{_id: 1}"])?.status.success());
+    Ok(())
+}
+
+/// No byte is free, and files are made.
+fn leave_nothing() -> Result<(), Failed> {
+    let disk = SmallDisk::mount().ok_or("no file system can be mounted")?;
+    let elsewhere = tempfile::tempdir()?;
+    let memory = format!("file:{}", elsewhere.path().join("m.rmem").display());
+    let on_disk = |name: &str| disk.0.path().join(name).display().to_string();
+    let rmem_of = |memory: &str, args: &[&str]| {
+        let mut rmem = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        rmem.args(["--memory", memory, "--quiet"]).args(args).env("HOME", Path::new("/nonexistent")).output()
+    };
+    let rmem = |args: &[&str]| rmem_of(&memory, args);
+    let documents = (0..400).map(|n| format!("{{_id: {n}, text: '{}'}}\n", "x".repeat(1_000))).collect::<String>();
+    let world = elsewhere.path().join("world.jsonl");
+    std::fs::write(&world, documents)?;
+    assert!(rmem(&["insert", "a.b", "--file", &world.display().to_string()])?.status.success());
+    let filled = std::io::copy(&mut std::io::repeat(0).take(8 << 20), &mut std::fs::File::create(on_disk("other"))?);
+    assert!(filled.is_err(), "the disk has room left");
+    for kib in [8, 16, 32] {
+        let other = std::fs::OpenOptions::new().write(true).open(on_disk("other"))?;
+        other.set_len((4096 - kib) << 10)?;
+        let output = rmem_of(&format!("file:{}", on_disk("new.rmem")), &["insert", "a.b", "{_id: 1}"])?;
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(message.contains("the disk is full; remove other files, and repeat"), "{kib}: {message}");
+        assert_eq!(std::fs::read_dir(disk.0.path())?.count(), 1, "{kib}: {message}");
+    }
+    let filled = std::io::copy(&mut std::io::repeat(0).take(8 << 20), &mut std::fs::File::create(on_disk("other"))?);
+    assert!(filled.is_err(), "the disk has room left");
+    let (json, copy, new) = (on_disk("x.json"), on_disk("copy.rmem"), format!("file:{}", on_disk("new.rmem")));
+    let (folder, archive, project) = (on_disk("dumped"), on_disk("x.archive"), on_disk("project"));
+    let refused: [(&str, &[&str]); 7] = [
+        (&memory, &["dump", "--all", "-o", &json]),
+        (&memory, &["dump", "--all", "-o", &folder]),
+        (&memory, &["dump", "--all", "--archive", "-o", &archive]),
+        (&memory, &["backup", &copy]),
+        (&memory, &["init", &project]),
+        (&memory, &["init", &on_disk("")]),
+        (&new, &["insert", "a.b", "{_id: 1}"]),
+    ];
+    for (memory, args) in refused {
+        let output = rmem_of(memory, args)?;
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains("the disk is full"), "{args:?}: {message}");
+        assert!(!message.contains("delete documents"), "{args:?}: {message}");
+        let left: Vec<_> = std::fs::read_dir(disk.0.path())?
+            .map(|entry| entry.map(|entry| entry.file_name()))
+            .collect::<Result<_, _>>()?;
+        assert_eq!(left, ["other"], "{args:?}: {message}");
+    }
     Ok(())
 }
 

@@ -34,7 +34,7 @@ const USES: [(&str, &str); 27] = [
     ("formats", "calendar fault"),
     ("input", "fault formats"),
     ("interrupt", ""),
-    ("memory", "calendar fault formats input process query store"),
+    ("memory", "calendar fault formats input interrupt process query store"),
     ("output", "error fault formats input interrupt process"),
     ("pddl", "formats"),
     ("plan", "fault formats memory pddl problem query store"),

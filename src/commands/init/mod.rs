@@ -44,6 +44,7 @@ pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.format(&formats::TEXT)?;
     let folder = &args.folder;
     refuse(folder)?;
+    let is_new = !folder.exists();
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let mut made = Vec::new();
     for (name, text) in FILES {
@@ -51,6 +52,9 @@ pub(super) fn run(args: &InitArgs, context: &mut Context<'_>) -> Result<Exit> {
         if let Err(error) = create(&path, text) {
             // A project is made as a whole or not at all.
             made.iter().for_each(|path: &PathBuf| drop(fs::remove_file(path)));
+            if is_new {
+                let _ = fs::remove_dir(folder);
+            }
             return Err(error).with_context(|| format!("cannot write {}", path.display()));
         }
         made.push(path);
@@ -89,5 +93,7 @@ fn refuse(folder: &Path) -> Result<()> {
 }
 
 fn create(path: &Path, text: &str) -> std::io::Result<()> {
-    File::create_new(path)?.write_all(text.as_bytes())
+    let mut file = File::create_new(path)?;
+    // A disk that is full has room for a name, and none for a text.
+    file.write_all(text.as_bytes()).inspect_err(|_| drop(fs::remove_file(path)))
 }

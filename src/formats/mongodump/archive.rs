@@ -11,7 +11,7 @@ use bson::{Document, RawDocument, RawDocumentBuf, doc};
 
 use super::checksum::Checksum;
 use super::metadata::Metadata;
-use super::stream::{Damage, Frame, Frames, MARK};
+use super::stream::{Damage, Frame, Frames, MARK, damage};
 
 /// The first bytes of an archive.
 pub const MAGIC: [u8; 4] = 0x8199_E26D_u32.to_le_bytes();
@@ -154,7 +154,7 @@ fn archived(offset: u64, document: &RawDocument) -> Result<Archived, Damage> {
 }
 
 fn field<'a>(offset: u64, document: &'a RawDocument, key: &str) -> Result<&'a str, Damage> {
-    document.get_str(key).map_err(|error| Damage { offset, reason: format!("not of an archive: {error}") })
+    document.get_str(key).map_err(|error| Damage { offset, reason: format!("not of an archive: {}", damage(&error)) })
 }
 
 /// Writes an archive, one collection after the other.

@@ -4,6 +4,8 @@ use std::io::{self, BufRead, Read as _};
 
 use bson::{Document, RawDocument, RawDocumentBuf};
 
+use crate::formats::visible;
+
 /// The most bytes of a document: MongoDB's limit and what it adds itself.
 const LONGEST: usize = (16 << 20) + (16 << 10);
 /// Stands where a length would, between the parts of an archive.
@@ -69,7 +71,7 @@ impl<R: BufRead> Frames<R> {
         if bytes.len() < size {
             return Err(self.cut(start, size, bytes.len()));
         }
-        let damaged = |error| Damage { offset: start, reason: format!("not BSON: {error}") };
+        let damaged = |error| Damage { offset: start, reason: not_bson(&error) };
         RawDocumentBuf::from_bytes(bytes).map(|document| Some(Frame::Document(start, document))).map_err(damaged)
     }
 
@@ -140,13 +142,37 @@ impl<R: BufRead> Iterator for Documents<R> {
     }
 }
 
+/// What is wrong with bytes that are not BSON.
+fn not_bson(error: &bson::error::Error) -> String {
+    format!("not BSON: {}", damage(error))
+}
+
+/// What an error of BSON says, without the types of its library.
+pub(super) fn damage(error: &bson::error::Error) -> String {
+    let text = error.to_string();
+    if text.contains("Utf8Encoding") || text.contains("Invalid UTF-8") {
+        return "a text in it is not UTF-8".to_owned();
+    }
+    let key = text.split_once(" at key \"").and_then(|(_, rest)| rest.split_once('"')).map(|(key, _)| key);
+    let what =
+        text.rsplit_once("Message: ").or_else(|| text.rsplit_once("Kind: ")).map_or(text.as_str(), |(_, what)| what);
+    let what = what.strip_prefix("An error occurred when attempting to access a document value: ").unwrap_or(what);
+    // Of an error in another one, the message is what it says.
+    let what = what
+        .split_once("message: Some(\"")
+        .and_then(|(_, rest)| rest.split_once("\")"))
+        .map_or(what, |(inner, _)| inner);
+    let what = what.trim_end_matches('.');
+    key.map_or_else(|| what.to_owned(), |key| format!("{what} (key {})", visible::line(key)))
+}
+
 /// Decodes a document that starts at byte `offset`. As deep as the document is
 /// nested, so that is to be checked first.
 ///
 /// # Errors
 /// Where it is not well-formed throughout.
 pub fn decode_document(offset: u64, document: &RawDocument) -> Result<Document, Damage> {
-    Document::try_from(document).map_err(|error| Damage { offset, reason: format!("not BSON: {error}") })
+    Document::try_from(document).map_err(|error| Damage { offset, reason: not_bson(&error) })
 }
 
 #[cfg(test)]

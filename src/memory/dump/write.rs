@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fault::{AtFault, Fault};
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
+use crate::interrupt::Unfinished;
 use crate::memory::Memory;
 use crate::process::litter;
 use crate::store::{Find, Index, Namespace, StoreError, index};
@@ -83,6 +84,7 @@ pub fn write_folder(
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o777));
     // The error leaves out the name of the temporary folder.
     let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
+    let _unfinished = Unfinished::new(staged.path());
     let namespaces = in_order(namespaces);
     let mut written = Vec::with_capacity(namespaces.len());
     for namespace in namespaces {
@@ -112,6 +114,7 @@ pub fn write_archive(
     let prefix = litter::prefix(beside(path), PREFIX);
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o666));
     let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
+    let _unfinished = Unfinished::new(&staged);
     let namespaces = in_order(namespaces);
     let described = namespaces.iter().map(|ns| metadata(memory, ns)).collect::<Result<Vec<_>, _>>()?;
     let names = namespaces.iter().zip(&described).map(|(ns, metadata)| (ns.database.as_str(), metadata));

@@ -3,7 +3,7 @@
 //! minijinja bounds how deep brackets and blocks nest, but it builds a chain
 //! (`1+1+…`, `a|f|f…`, `not not …`, `a[0][0]…`, `{% elif %}` after `{% elif %}`) one level
 //! per link as well, and goes through it by recursion. So links are counted
-//! before it sees the template.
+//! before it sees the template. Blocks are counted for the passes before it.
 
 use super::tags::{TagKind, tags};
 use crate::formats::{Diagnostic, Source, Span};
@@ -12,13 +12,15 @@ use crate::formats::{Diagnostic, Source, Span};
 const LINKS: usize = 1_000;
 /// The most `{% elif %}` over all the `{% if %}` that are open at once.
 const BRANCHES: usize = 500;
+/// The most blocks that are open at once, as minijinja has it.
+const BLOCKS: usize = 150;
 /// Words that join two expressions, or stand before one.
 const WORDS: [&str; 7] = ["and", "or", "not", "if", "else", "is", "in"];
 
 /// Refuses a template whose expressions are too long for minijinja, at the link that is too much.
 pub(super) fn check(template: &Source) -> Result<(), Diagnostic> {
     let mut branches: Vec<usize> = Vec::new();
-    let mut open = 0;
+    let (mut open, mut blocks) = (0, 0_usize);
     for tag in tags(template.text()) {
         match (tag.kind, tag.word()) {
             (TagKind::Comment | TagKind::Raw, _) => continue,
@@ -29,6 +31,17 @@ pub(super) fn check(template: &Source) -> Result<(), Diagnostic> {
             }
             (TagKind::Statement, "endif") => open -= branches.pop().unwrap_or(0).min(open),
             _ => {}
+        }
+        if tag.kind == TagKind::Statement {
+            match tag.word() {
+                "if" | "for" | "with" | "filter" | "macro" | "call" | "block" => blocks += 1,
+                word if word.starts_with("end") && word != "endset" => blocks = blocks.saturating_sub(1),
+                _ => {}
+            }
+        }
+        if blocks > BLOCKS {
+            return Err(Diagnostic::new(template, tag.span, format!("more than {BLOCKS} blocks are open here"))
+                .hint("each {% if %}, {% for %} and other block needs its {% endif %}, {% endfor %} or other end"));
         }
         if open > BRANCHES {
             let message = format!("more than {BRANCHES} `elif` in one condition");
@@ -114,6 +127,14 @@ mod tests {
         }
         assert_eq!(checked("{{ a.b|c }}".repeat(20_000)), Ok(()));
         assert_eq!(checked("{% if a %}{% elif b %}{% endif %}".repeat(2_000)), Ok(()));
+    }
+
+    #[test]
+    fn blocks_that_are_open_at_once_are_counted() {
+        assert_eq!(checked("{% if a %}{% for b in c %}{% endfor %}{% endif %}".repeat(2_000)), Ok(()));
+        assert_eq!(checked("{% if a %}".repeat(150) + &"{% endif %}".repeat(150)), Ok(()));
+        let error = checked("{% if a %}".repeat(200_000)).unwrap_err();
+        assert!(error.starts_with("t:1:1501: more than 150 blocks are open here"), "{error}");
     }
 
     #[test]

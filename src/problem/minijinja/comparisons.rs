@@ -52,7 +52,7 @@ impl Comparison {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum TokenKind {
+pub(super) enum TokenKind {
     Word,
     Number,
     Text,
@@ -60,14 +60,14 @@ enum TokenKind {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Token<'a> {
-    kind: TokenKind,
+pub(super) struct Token<'a> {
+    pub(super) kind: TokenKind,
     start: usize,
-    text: &'a str,
+    pub(super) text: &'a str,
 }
 
 impl Token<'_> {
-    fn end(&self) -> usize {
+    pub(super) fn end(&self) -> usize {
         self.start + self.text.len()
     }
 }
@@ -251,7 +251,7 @@ fn watched(left: &Operand<'_>, operator: &str, right: &Operand<'_>, is_alone: bo
 }
 
 /// The tokens of the code, without its brackets.
-fn tokens(code: &str, is_statement: bool) -> Vec<Token<'_>> {
+pub(super) fn tokens(code: &str, is_statement: bool) -> Vec<Token<'_>> {
     let inner = if is_statement { code.strip_suffix("%}").unwrap_or(code) } else { code };
     let inner = if is_statement { inner.trim_end_matches(['-', '+']) } else { inner };
     let mut at = if is_statement { 2 + usize::from(inner[2..].starts_with(['-', '+'])) } else { 0 };

@@ -5,13 +5,15 @@
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
 //! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space. A `{% filter x %}` becomes
-//! `{% filter x|_block(n) %}`. Comparisons get filters, see [`comparisons`].
+//! `{% filter x|_block(n) %}`. Comparisons and the operands of
+//! `~` and `+` get filters, see [`comparisons`] and [`operands`].
 
 use std::collections::{BTreeMap, HashSet};
 
 use super::compared::Side;
 use super::comparisons::comparisons;
 use super::fixed::Fixed;
+use super::operands::operands;
 use super::plan::{Plan, Planned, ROWS, plan};
 use super::tags::{TagKind, tags};
 use super::value::{CLOSE, OPEN};
@@ -245,7 +247,8 @@ fn calls(template: &str, code: Span, numbered: &mut Numbered, result: &mut Instr
 
 /// What is added to the comparisons of the code, which is at `base` among the texts, in the order of its offsets.
 fn additions(code: &str, base: usize, numbered: &mut Numbered) -> Vec<(usize, String)> {
-    let mut additions = Vec::new();
+    // Filters of operands stand before those of the comparisons that end with them.
+    let mut additions = operands(code);
     for comparison in comparisons(code) {
         let site = numbered.sites.len();
         let side = |(start, end): (usize, usize)| Side {
@@ -281,7 +284,7 @@ mod tests {
             ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}<-0>{{ x }}{% endraw %}{# {{ x }} #}"),
             ("{%- filter f(1) -%}a{% endfilter %}", "{%- filter f(1)|_block(0) -%}a{% endfilter %}"),
             ("{% filter %}a{% endfilter %}", "{% filter %}a{% endfilter %}"),
-            ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}} )|_at(0)}}"),
+            ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}}|_written )|_at(0)}}"),
             ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),
             ("{{ }} {{", "{{ }} {{"),
             ("{% if x -%} a\n{%- endif %}", "{% if x -%} <-0>a\n{%- endif %}"),

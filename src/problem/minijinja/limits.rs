@@ -1,16 +1,27 @@
 //! What a template makes could be larger than any memory: filters of minijinja, and the text itself, each with a bound.
 
+use std::fmt::{self, Write as _};
 use std::io;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use minijinja::value::Rest;
+use minijinja::value::{Rest, ValueKind};
 use minijinja::{Environment, Error, ErrorKind, State, Value, filters};
+
+use super::documents::Documents;
+use super::operands::{SIZED, WRITTEN};
 
 /// How many steps of minijinja a template may take: enough for millions of documents.
 pub(super) const FUEL: u64 = 500_000_000;
 /// The greatest width and count: as many as minijinja's own `range` has members at most.
 const MAX: i64 = 100_000;
-/// The longest text that `replace` makes, in bytes.
+/// The longest text that `replace` makes, and that an operator takes, in bytes.
 const MAX_TEXT: usize = 64 << 20;
+/// The longest list that is made of a text, or that is added to another one.
+const MAX_ELEMENTS: usize = 4_000_000;
+/// The longest text that an operator makes of a list or a map, in bytes.
+const MAX_WRITTEN: usize = 4 << 20;
+/// Texts that are longer are counted when they are written.
+const LONG_TEXT: usize = 1 << 20;
 
 /// The longest text of a template that is held, in bytes, with what notes where its parts come from.
 const MAX_RENDERED: usize = 512 << 20;
@@ -53,16 +64,89 @@ impl io::Write for Rendered {
     }
 }
 
+/// Counts the long texts that a template writes, also into a variable.
+#[derive(Debug, Default)]
+pub(super) struct Written(AtomicUsize);
+
+impl Written {
+    /// Counts a value that is written.
+    ///
+    /// # Errors
+    /// Where all of them are too much.
+    pub(super) fn count(&self, value: &Value) -> Result<(), Error> {
+        let Some(size) = value.as_str().map(str::len).filter(|size| *size > LONG_TEXT) else { return Ok(()) };
+        if self.0.fetch_add(size, Ordering::Relaxed).saturating_add(size) > MAX_RENDERED {
+            let message = format!("the template writes more than {} MiB of text", MAX_RENDERED >> 20);
+            return Err(Error::new(ErrorKind::InvalidOperation, message));
+        }
+        Ok(())
+    }
+}
+
+/// A place that counts the bytes that a list or a map would be written with.
+struct Counter(usize);
+
+impl fmt::Write for Counter {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 += text.len();
+        if self.0 > MAX_WRITTEN { Err(fmt::Error) } else { Ok(()) }
+    }
+}
+
+/// Refuses an operand that is too long a text, or too long a list.
+fn sized(value: Value) -> Result<Value, Error> {
+    let wrong = match value.as_str() {
+        Some(text) if text.len() > MAX_TEXT => {
+            format!("a text of {} bytes is too long for an operator; expected at most {MAX_TEXT}", text.len())
+        }
+        None if elements(&value) > MAX_ELEMENTS => too_many(elements(&value)),
+        _ => return Ok(value),
+    };
+    Err(Error::new(ErrorKind::InvalidOperation, wrong))
+}
+
+/// The same of an operand that is written as text.
+fn written(value: Value) -> Result<Value, Error> {
+    let has_elements = matches!(value.kind(), ValueKind::Seq | ValueKind::Iterable | ValueKind::Map);
+    if has_elements && write!(Counter(0), "{value}").is_err() {
+        let message = format!("a list or map is too long to be written as text; expected at most {MAX_WRITTEN} bytes");
+        return Err(Error::new(ErrorKind::InvalidOperation, message));
+    }
+    sized(value)
+}
+
+/// How many elements a list has, where that is known without a query.
+fn elements(value: &Value) -> usize {
+    let is_list = matches!(value.kind(), ValueKind::Seq | ValueKind::Iterable);
+    if is_list && value.downcast_object_ref::<Documents>().is_none() { value.len().unwrap_or(0) } else { 0 }
+}
+
+/// The characters of a text that becomes a list.
+fn characters(arguments: &[Value]) -> Result<(), String> {
+    match arguments.first().and_then(Value::as_str).map_or(0, str::len) {
+        size if size > MAX_ELEMENTS => Err(too_many(size)),
+        _ => Ok(()),
+    }
+}
+
+fn too_many(count: usize) -> String {
+    format!("a list of {count} elements is too long; expected at most {MAX_ELEMENTS}")
+}
+
 /// What is wrong with the arguments of a filter, its value the first.
 type Check = fn(&[Value]) -> Result<(), String>;
 
-/// Puts bounds on the filters `format`, `indent`, `batch` and `slice`.
+/// Puts bounds on the filters `format`, `indent`, `batch`, `slice` and `list`, and on operands.
 pub(super) fn register(environment: &mut Environment<'_>) {
     environment.add_filter(original("format"), filters::format);
     environment.add_filter(original("indent"), filters::indent);
     environment.add_filter(original("batch"), filters::batch);
     environment.add_filter(original("slice"), filters::slice);
-    let checks: [(&str, Check); 4] = [("format", widths), ("indent", counts), ("batch", counts), ("slice", counts)];
+    environment.add_filter(original("list"), filters::list);
+    environment.add_filter(SIZED, sized);
+    environment.add_filter(WRITTEN, written);
+    let checks: [(&str, Check); 5] =
+        [("format", widths), ("indent", counts), ("batch", counts), ("slice", counts), ("list", characters)];
     for (name, check) in checks {
         environment.add_filter(name, move |state: &mut State<'_, '_>, arguments: Rest<Value>| {
             check(&arguments).map_err(|wrong| Error::new(ErrorKind::InvalidOperation, wrong))?;

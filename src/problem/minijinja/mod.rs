@@ -20,6 +20,7 @@ mod join;
 mod limits;
 mod method;
 mod mistake;
+mod operands;
 mod pieces;
 mod plan;
 mod rows;
@@ -156,6 +157,10 @@ pub(super) fn taken(request: &Request) -> Taken {
     let environment = Environment::new();
     let mut all = Taken::default();
     for source in std::iter::once(&request.template).chain(request.parts.iter().map(|part| &part.source)) {
+        // What is too long is refused where it is rendered.
+        if bound::check(source).is_err() {
+            return Taken::unknown();
+        }
         let Ok(template) = environment.template_from_named_str(source.name(), source.text()) else {
             return Taken::unknown();
         };
@@ -237,7 +242,9 @@ fn run(files: &Files, variables: Variables, context: &Arc<Context>) -> Result<St
     environment.remove_global("debug");
     let shared = Arc::clone(context);
     let goal = variables.values.iter().find(|(name, _)| name == "goal").map(|(_, goal)| goal.clone());
+    let written = limits::Written::default();
     environment.set_formatter(move |out, _, value| {
+        written.count(value)?;
         if let Some((rows, direct)) = value.downcast_object_ref::<Rows>().zip(shared.direct.as_ref()) {
             return rows.write(&shared, direct, out);
         }

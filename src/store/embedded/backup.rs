@@ -6,6 +6,7 @@ use rusqlite::Connection;
 
 use super::place::Place;
 use super::{Embedded, failure};
+use crate::interrupt::Unfinished;
 use crate::process::litter;
 use crate::store::StoreError;
 
@@ -31,12 +32,15 @@ impl Embedded {
         let staged =
             tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(unnamed)?;
         let Some(name) = staged.path().to_str() else { return Err(failed("its path is not UTF-8".to_owned())) };
+        // What SQLite makes beside the copy goes with it.
+        let files = ["", "-journal", "-wal", "-shm"].map(|end| format!("{name}{end}"));
+        let _unfinished = files.map(|file| Unfinished::new(Path::new(&file)));
         self.connection
             .execute("VACUUM INTO ?", [name])
             .and_then(|_| Connection::open(name)?.pragma_update(None, "journal_mode", "WAL"))
             .map_err(|error| match failure::is_damage(&error) {
                 true => self.explain(&error),
-                false => failure::explain(&place, &error),
+                false => failure::explain_copy(&place, &error),
             })?;
         std::fs::File::open(name).and_then(|file| file.sync_all()).map_err(write)?;
         staged.persist_noclobber(path).map_err(|error| write(error.error))?;

@@ -8,9 +8,13 @@ use crate::store::StoreError;
 
 /// The message about a full disk.
 const DISK_FULL: &str = "the disk is full; make room or delete documents, and repeat: nothing of this write was kept";
+/// The same, where there is no room for the log of a deletion.
+const NO_ROOM: &str = "the disk is full; remove other files, and repeat: nothing of this write was kept";
 /// The same, where documents cannot even be deleted.
 const NO_ROOM_TO_DELETE: &str =
     "the disk is full, and a deletion needs a few pages for its log; remove other files, and repeat";
+/// The message where a copy does not fit.
+const NO_ROOM_TO_COPY: &str = "the disk is full; make room, or name a file on another one";
 /// With less than this many bytes, SQLite cannot make the index of its log.
 const LEAST: u64 = 64 << 10;
 
@@ -28,7 +32,7 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
             "it cannot be written; check the permissions of the file and of its folder".to_owned()
         }
         Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
-        Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => DISK_FULL.to_owned(),
+        Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => NO_ROOM.to_owned(),
         Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
         Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => {
             format!("another process has been writing for {} s; end it or try again", LOCK_TIMEOUT.as_secs())
@@ -72,7 +76,15 @@ fn is_full(place: &Place) -> bool {
 
 /// That the disk is full.
 pub(super) fn disk_full(place: &Place) -> StoreError {
+    if is_full(place) {
+        return no_room(place);
+    }
     StoreError::Failed { address: place.to_string(), reason: DISK_FULL.to_owned() }
+}
+
+/// That the disk is full, where nothing can be deleted.
+pub(super) fn no_room(place: &Place) -> StoreError {
+    StoreError::Failed { address: place.to_string(), reason: NO_ROOM.to_owned() }
 }
 
 /// That the disk is full, where something was to be deleted.
@@ -80,15 +92,24 @@ pub(super) fn no_room_to_delete(place: &Place) -> StoreError {
     StoreError::Failed { address: place.to_string(), reason: NO_ROOM_TO_DELETE.to_owned() }
 }
 
-/// Whether an error of a store says that the disk is full.
-pub(super) fn is_of_full_disk(error: &StoreError) -> bool {
-    matches!(error, StoreError::Failed { reason, .. } if reason == DISK_FULL)
+/// The error where a memory is copied into a new file.
+pub(super) fn explain_copy(place: &Place, error: &Error) -> StoreError {
+    let error = explain(place, error);
+    if !is_of_full_disk(&error) {
+        return error;
+    }
+    StoreError::Failed { address: place.to_string(), reason: NO_ROOM_TO_COPY.to_owned() }
 }
 
-/// Describes an error of the file system.
+/// Whether an error of a store says that the disk is full.
+pub(super) fn is_of_full_disk(error: &StoreError) -> bool {
+    matches!(error, StoreError::Failed { reason, .. } if [DISK_FULL, NO_ROOM].contains(&reason.as_str()))
+}
+
+/// Describes an error of the file system where a memory is copied.
 pub(super) fn io(error: &std::io::Error) -> String {
     match error.kind() {
-        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => DISK_FULL.to_owned(),
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => NO_ROOM_TO_COPY.to_owned(),
         _ => error.to_string(),
     }
 }

@@ -14,7 +14,8 @@
 //! - `entries_ID`, one per index: the keys, each with the position of its document.
 //! - `watchers`: the watchers of collections, with their positions (`watcher`).
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
-//! - `histories` and `origins`, where a history was kept: of what, and the authors of changes (`history`).
+//! - `histories`, `origins` and `cut_runs`, where a history was kept: of what, the authors of changes, and the runs of
+//!   which changes are not kept any more (`history`).
 
 use std::cell::Cell;
 use std::path::Path;
@@ -100,14 +101,24 @@ impl Embedded {
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX
             | OpenFlags::SQLITE_OPEN_EXRESCODE;
-        let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(&place, &e));
+        let is_new = path.symlink_metadata().is_err();
+        let opened = Self::open_with(path, &place, flags);
+        if is_new && opened.as_ref().is_err_and(failure::is_of_full_disk) {
+            remove_blank(path);
+            return Err(failure::no_room(&place));
+        }
+        opened
+    }
+
+    fn open_with(path: &Path, place: &Place, flags: OpenFlags) -> Result<Self, StoreError> {
+        let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(place, &e));
         match Self::prepare(open()?, place.clone()) {
             Err(error) if failure::is_of_full_disk(&error) => {
                 // Without room for the index of the log beside the file, the index is in memory. Other processes wait then.
                 let connection = open()?;
                 let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
-                alone.map_err(|e| failure::explain(&place, &e))?;
-                Ok(Self { identity: None, ..Self::prepare(connection, place)? })
+                alone.map_err(|e| failure::explain(place, &e))?;
+                Ok(Self { identity: None, ..Self::prepare(connection, place.clone())? })
             }
             prepared => prepared,
         }
@@ -193,6 +204,21 @@ impl Embedded {
             log_size: LogSize::default(),
             spare: Spare::default(),
         })
+    }
+}
+
+/// Removes a file that has not become a memory, with what is beside it. What another process laid out, or uses, stays.
+fn remove_blank(path: &Path) {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let Ok(connection) = Connection::open_with_flags(path, flags) else { return };
+    // Without room for the index of its log, the log is read by one process alone.
+    let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
+    if alone.and_then(|()| Marks::read(&connection)).is_ok_and(|marks| marks.blank) {
+        for end in ["", "-wal", "-shm"] {
+            let mut name = path.as_os_str().to_owned();
+            name.push(end);
+            let _ = std::fs::remove_file(name);
+        }
     }
 }
 
@@ -343,7 +369,7 @@ fn wrong_version(place: &Place, version: i32) -> StoreError {
     }
 }
 
-fn foreign(place: &Place) -> StoreError {
+pub(super) fn foreign(place: &Place) -> StoreError {
     StoreError::Failed {
         address: place.to_string(),
         reason: "it is an SQLite database of another program, not an rmem memory; name another file".to_owned(),

@@ -2,13 +2,15 @@
 //!
 //! A row of `watchers` keeps the changes of a scope, as it does for watches; the row of
 //! `histories` says for how long and how much of them, and `origins` has the author of each change.
-//! Changes are noted in the transaction that makes them. The two tables are made when a history is
+//! `cut_runs` has the runs of which changes are not kept any more.
+//! Changes are noted in the transaction that makes them. The tables are made when a history is
 //! first kept; where none is, a write does nothing for it.
 //!
 //! Every process that writes keeps the history, whatever its settings say, so that there are no
 //! gaps. A scope that no process's settings have named for as long as its changes are kept is let go.
 
 use std::cell::{Cell, RefCell};
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use bson::{DateTime, RawDocument};
@@ -38,11 +40,25 @@ CREATE TABLE IF NOT EXISTS origins (
     author TEXT NOT NULL,
     run INTEGER NOT NULL,
     place INTEGER
+) STRICT;
+CREATE TABLE IF NOT EXISTS cut_runs (
+    database TEXT NOT NULL,
+    collection TEXT NOT NULL,
+    run INTEGER NOT NULL,
+    first INTEGER NOT NULL,
+    last INTEGER NOT NULL,
+    PRIMARY KEY (database, collection, run)
 ) STRICT;";
 
+/// How many runs are remembered that have no changes left: they may go on.
+const GONE_RUNS: i64 = 1_000;
+
 /// The tables and their columns.
-pub(super) const TABLES_WITH_COLUMNS: [(&str, &str); 2] =
-    [("histories", "database, collection, age, size, since, beat"), ("origins", "sequence, author, run, place")];
+pub(super) const TABLES_WITH_COLUMNS: [(&str, &str); 3] = [
+    ("histories", "database, collection, age, size, since, beat"),
+    ("origins", "sequence, author, run, place"),
+    ("cut_runs", "database, collection, run, first, last"),
+];
 
 /// Makes the tables where they are missing. In a write transaction only.
 pub(super) fn prepare(connection: &Connection) -> rusqlite::Result<()> {
@@ -242,11 +258,37 @@ fn cut_of(connection: &Connection, kept: &Kept, position: i64) -> rusqlite::Resu
 
 /// Moves a history on to a position.
 fn advance(connection: &Connection, pattern: &Namespace, cut: i64) -> rusqlite::Result<()> {
+    note_cut_runs(connection, pattern, cut)?;
     let sql = "UPDATE histories SET since = max(since, coalesce((
                    SELECT time FROM changes WHERE sequence <= ?1 ORDER BY sequence DESC LIMIT 1), since))
                WHERE database = ?2 AND collection = ?3";
     connection.execute(sql, params![cut, pattern.database, pattern.collection])?;
     connection.execute("UPDATE watchers SET position = ? WHERE name = ?", params![cut, row_name(pattern)]).map(|_| ())
+}
+
+/// Notes the runs whose changes go: for each collection, the first and the last of them.
+fn note_cut_runs(connection: &Connection, pattern: &Namespace, cut: i64) -> rusqlite::Result<()> {
+    // A file whose history an earlier rmem began has no such table.
+    prepare(connection)?;
+    let sql = "INSERT INTO cut_runs (database, collection, run, first, last)
+               SELECT database, collection, run, min(sequence), max(sequence) FROM changes JOIN origins USING (sequence)
+               WHERE sequence > (SELECT position FROM watchers WHERE name = ?1) AND sequence <= ?2
+               AND ?3 IN ('', database) AND ?4 IN ('', collection) GROUP BY database, collection, run
+               ON CONFLICT DO UPDATE SET first = min(first, excluded.first), last = max(last, excluded.last)";
+    connection.execute(sql, params![row_name(pattern), cut, pattern.database, pattern.collection])?;
+    let sql = "DELETE FROM cut_runs WHERE run NOT IN (SELECT run FROM origins)
+               AND last <= (SELECT last FROM cut_runs ORDER BY last DESC LIMIT 1 OFFSET ?)";
+    connection.execute(sql, [GONE_RUNS]).map(|_| ())
+}
+
+/// The runs of which the history of a collection, kept behind a position, has not all changes.
+pub(super) fn cut_runs(connection: &Connection, ns: &Namespace, position: i64) -> rusqlite::Result<HashSet<i64>> {
+    if !connection.prepare_cached("SELECT 1 FROM sqlite_schema WHERE name = 'cut_runs'")?.exists([])? {
+        return Ok(HashSet::new());
+    }
+    let sql = "SELECT run FROM cut_runs WHERE database = ? AND collection = ? AND first <= ?";
+    let mut statement = connection.prepare_cached(sql)?;
+    statement.query_map(params![ns.database, ns.collection, position], |row| row.get(0))?.collect()
 }
 
 /// Moves all histories behind `last`, up to which changes are about to be removed.

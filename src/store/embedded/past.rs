@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet, VecDeque};
 
 use bson::{DateTime, Document, RawDocument, RawDocumentBuf};
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::history::{self, Kept};
 use super::page::PageError;
@@ -31,22 +31,39 @@ impl Embedded {
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(kept) = history::of(&self.connection, ns).map_err(|e| self.explain(&e))? else { return Ok(None) };
         let behind = self.behind(ns, &kept, after)?;
+        let cut_runs = history::cut_runs(&self.connection, ns, kept.position.unwrap_or_default());
+        let cut_runs = cut_runs.map_err(|e| self.explain(&e))?;
         let entries = Entries { store: self, namespace: ns.clone(), behind, page: VecDeque::new(), is_over: false };
-        Ok(Some(History { since: kept.since, entries: Box::new(entries.map(|entry| entry.map(|(entry, _)| entry))) }))
+        let entries = Box::new(entries.map(|entry| entry.map(|(entry, _)| entry)));
+        Ok(Some(History { since: kept.since, cut_runs, entries }))
     }
 
     /// The position behind which the changes after a time are.
     fn behind(&self, ns: &Namespace, kept: &Kept, after: Option<DateTime>) -> Result<i64, StoreError> {
         let position = kept.position.unwrap_or_default();
         let Some(after) = after else { return Ok(position) };
-        let sql = "SELECT coalesce(min(sequence) - 1, ?4) FROM changes
-                   WHERE database = ?1 AND collection = ?2 AND sequence > ?3 AND time > ?5";
+        // Where the clock was set back, what was changed before then was changed before what came next, whatever its time.
+        let sql =
+            "SELECT sequence FROM changes WHERE database = ?1 AND collection = ?2 AND sequence > ?3 AND time <= ?4
+                   ORDER BY sequence DESC LIMIT 1";
         let ask = |connection: &Connection| {
-            let last = change_log::last(connection)?;
-            let values = params![ns.database, ns.collection, position, last, after.timestamp_millis()];
-            connection.prepare_cached(sql)?.query_row(values, |row| row.get(0))
+            let values = params![ns.database, ns.collection, position, after.timestamp_millis()];
+            let last = connection.prepare_cached(sql)?.query_row(values, |row| row.get(0)).optional()?;
+            rusqlite::Result::Ok(last.unwrap_or(position))
         };
         ask(&self.connection).map_err(|e| self.explain(&e))
+    }
+
+    /// Since when all changes of a history are there. By a clock that was ahead and was set back, that is not over yet;
+    /// then it is the time of the first change that was made after.
+    fn beginning(&self, kept: &Kept) -> rusqlite::Result<DateTime> {
+        if kept.since <= DateTime::now() {
+            return Ok(kept.since);
+        }
+        let sql = "SELECT min(time) FROM changes WHERE sequence > ?";
+        let position = kept.position.unwrap_or_default();
+        let first: Option<i64> = self.connection.prepare_cached(sql)?.query_row([position], |row| row.get(0))?;
+        Ok(first.map_or(kept.since, |first| kept.since.min(DateTime::from_millis(first))))
     }
 
     /// The documents of a collection as they were, without those of computables.
@@ -55,8 +72,9 @@ impl Embedded {
         let kept = history::of(&self.connection, ns)
             .map_err(|e| self.explain(&e))?
             .ok_or_else(|| not_kept(ns, &self.log.keeping.rules.borrow()))?;
-        if at < kept.since {
-            return Err(too_old(ns, at, kept.since));
+        let since = self.beginning(&kept).map_err(|e| self.explain(&e))?;
+        if at < since {
+            return Err(too_old(ns, at, since));
         }
         let behind = self.behind(ns, &kept, Some(at))?;
         let entries = Entries { store: self, namespace: ns.clone(), behind, page: VecDeque::new(), is_over: false };

@@ -12,7 +12,7 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension as _, params};
 use super::catalog::Collection;
 use super::place::Place;
 use super::scan::Scan;
-use super::{Embedded, body, failure, history};
+use super::{Embedded, body, failure, file, history};
 use crate::query::{Filter, QueryError};
 use crate::store::{Index, Namespace, StoreError, document, index};
 
@@ -70,7 +70,14 @@ impl Embedded {
         let source = Connection::open_with_flags(from, flags).map_err(explain)?;
         // Else SQLite refuses a file that has lost its end.
         source.pragma_update(None, "writable_schema", "ON").map_err(explain)?;
-        let collections = collections(&source).map_err(explain)?;
+        if from.metadata().is_ok_and(|found| found.len() == 0) {
+            // It is a memory in which nothing was stored.
+            return Self::open(to).map(|_| Repaired::default());
+        }
+        let collections = collections(&source).map_err(|error| match failure::is_gone(&error) {
+            true => file::foreign(&place),
+            false => explain(error),
+        })?;
         let target = Self::open(to)?;
         let mut done = Repaired::default();
         for (id, ns) in collections {

@@ -350,9 +350,10 @@ impl Embedded {
             if failure::is_of_full_disk(error) {
                 // The log is folded into the file and cut, so that there is room to delete something.
                 let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
-                if self.is_deleting() {
-                    return Err(failure::no_room_to_delete(&self.place));
-                }
+                return Err(match self.is_deleting() {
+                    true => failure::no_room_to_delete(&self.place),
+                    false => failure::disk_full(&self.place),
+                });
             }
         }
         result

@@ -6,8 +6,8 @@
 //! leaves that to the next. An entry's `_id` is the position of its change, so none is recorded twice.
 //! rmem signs its own changes once they are recorded.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry::Vacant;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -258,7 +258,7 @@ impl MongoDb {
         let find = Find { filter, sort: doc! { "_id": 1 }, current, ..Find::default() };
         let found: Documents<'_> = self.find(&place, &find)?;
         let entries = found.map(|document| read(&document?).map_err(StoreError::from));
-        Ok(Some(History { since, entries: Box::new(entries) }))
+        Ok(Some(History { since, cut_runs: HashSet::new(), entries: Box::new(entries) }))
     }
 
     pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {

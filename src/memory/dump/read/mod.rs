@@ -26,6 +26,9 @@ use crate::query::{Collation, QueryError, key};
 use crate::store::{Index, Namespace, document};
 use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
+/// The bytes with which a file of SQLite begins (its documentation, "Database File Format", section 1.3.1).
+const DATABASE: &str = "SQLite format 3\0";
+
 /// How many bytes are examined to recognise a text.
 const LOOK: usize = 512;
 
@@ -99,6 +102,11 @@ impl Dump {
         let is_text = head.iter().take(LOOK).all(|byte| *byte >= b' ' || byte.is_ascii_whitespace());
         if !is_text {
             let reason = "expected a world file or a dump, found neither".to_owned();
+            return Err(ReadError::Name { path: path.to_owned(), reason });
+        }
+        if start(path).is_some_and(|head| head.starts_with(DATABASE)) {
+            let shown = path.display();
+            let reason = format!("it is a memory, which file:{shown} names, or another SQLite database");
             return Err(ReadError::Name { path: path.to_owned(), reason });
         }
         let hint = || start(path).and_then(|head| other_reader(&head, &path.display().to_string()));
@@ -361,6 +369,8 @@ impl Part {
         let mut check = move |(offset, document): (u64, RawDocumentBuf)| {
             let refused = |error: QueryError| Damage { offset, reason: error.message };
             let has_id = document.get("_id").is_ok_and(|id| id.is_some());
+            let lacks_id =
+                |document| document::check_shape(document).is_ok() && matches!(document.get("_id"), Ok(None));
             match &mut identities {
                 Some(identities) if !has_id => {
                     document::check_shape(&document).map_err(refused)?;
@@ -369,9 +379,9 @@ impl Part {
                     Ok(document::with_id_first(document, &id))
                 }
                 _ => {
-                    document::vet(&document).map_err(|error| match has_id {
-                        true => refused(error),
-                        false => Damage { offset, reason: format!("{}; --add-ids gives it one", error.message) },
+                    document::vet(&document).map_err(|error| match lacks_id(&document) {
+                        false => refused(error),
+                        true => Damage { offset, reason: format!("{}; --add-ids gives it one", error.message) },
                     })?;
                     decode_document(offset, &document)
                 }
