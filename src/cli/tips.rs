@@ -87,7 +87,7 @@ pub(super) fn with_tip(mut error: Error, args: &[OsString], database: &str) -> E
     error
 }
 
-/// The error for a value that is no number, without the words of the reader of numbers.
+/// The error for a value that is not a number, without the words of the reader of numbers.
 fn with_number(error: &Error) -> Option<Error> {
     let source = std::error::Error::source(error)?;
     let expected = match source.downcast_ref::<ParseIntError>().map(ParseIntError::kind) {

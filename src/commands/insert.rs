@@ -346,7 +346,7 @@ impl<'a> Batch<'a> {
     }
 }
 
-/// The error for an argument that is no document, with what to write for the name of a file, or for `key=value`.
+/// The error for an argument that is not a document, with what to write for the name of a file, or for `key=value`.
 fn hinted(error: Diagnostic, text: &str) -> Diagnostic {
     let ends = [".json", ".jsonl", ".ndjson", ".yaml", ".yml", ".csv", ".tsv"];
     if !text.contains('{') && (ends.iter().any(|end| text.ends_with(end)) || Path::new(text).is_file()) {

@@ -96,7 +96,7 @@ pub enum PlotKind {
 
 /// A size like `800x500`.
 pub(super) fn size(text: &str) -> Result<(f64, f64), String> {
-    let wrong = || format!("`{text}` is no size; expected WIDTHxHEIGHT in pixels, 100 to 10000 each, like 800x500");
+    let wrong = || format!("`{text}` is not a size; expected WIDTHxHEIGHT in pixels, 100 to 10000 each, like 800x500");
     let (width, height) = text.split_once('x').ok_or_else(wrong)?;
     let side = |text: &str| text.parse().ok().filter(|side: &f64| (100.0..=10_000.0).contains(side)).ok_or_else(wrong);
     Ok((side(width)?, side(height)?))

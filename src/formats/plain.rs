@@ -6,7 +6,7 @@ use std::borrow::Cow;
 const SYSTEM: [(&str, &str); 6] = [
     ("No such file or directory (os error 2)", "there is no such file or folder"),
     ("Permission denied (os error 13)", "permission denied"),
-    ("Not a directory (os error 20)", "a part of the path is no folder"),
+    ("Not a directory (os error 20)", "a part of the path is not a folder"),
     ("Is a directory (os error 21)", "it is a folder"),
     ("Too many levels of symbolic links (os error 40)", "it is a symbolic link that leads back to itself; name a file"),
     ("No space left on device (os error 28)", "the disk is full"),

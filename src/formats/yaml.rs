@@ -288,7 +288,7 @@ fn scalar(text: &str, style: ScalarStyle, tag: Option<&Tag>) -> Result<Bson, Str
         ("null" | "bool" | "int" | "float" | "timestamp", _) => None,
         _ => return Err(unknown(tag)),
     };
-    value.ok_or_else(|| format!("`{text}` is no value of the tag `{tag}`"))
+    value.ok_or_else(|| format!("`{text}` is not a value of the tag `{tag}`"))
 }
 
 /// A plain scalar.

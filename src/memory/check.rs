@@ -20,7 +20,7 @@ impl Memory {
     /// Copies the local store into a new file; see [`crate::store::Store::backup`].
     ///
     /// # Errors
-    /// Where the store is no file, or the new one exists or cannot be written.
+    /// Where the store is not a file, or the new one exists or cannot be written.
     pub fn backup(&self, path: &Path) -> Result<(), StoreError> {
         self.routes.local()?.backup(path)
     }

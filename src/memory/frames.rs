@@ -59,7 +59,7 @@ impl Frames {
     /// The pose of a frame in another.
     ///
     /// # Errors
-    /// Where a frame is not known, no way leads from one to the other, or the frames are no tree.
+    /// Where a frame is not known, no way leads from one to the other, or the frames are not a tree.
     pub fn way(&self, from: &str, to: &str) -> Result<Pose, String> {
         if from == to {
             return Ok(Pose::IDENTITY);
@@ -96,7 +96,7 @@ impl Frames {
     /// How a message about frames begins that lead back to themselves.
     #[must_use]
     pub fn no_tree(&self) -> String {
-        format!("the frames of {} are no tree: ", self.namespace)
+        format!("the frames of {} are not a tree: ", self.namespace)
     }
 
     /// Whether a frame is in the tree.
@@ -178,7 +178,7 @@ mod tests {
         for (name, words) in [
             ("arm>nowhere", "`nowhere` is not known; robmem.frames has arm, base, hand, wrist, x, y"),
             ("arm>hand", "no way leads from the frame `arm` to `hand`"),
-            ("arm>x", "are no tree: x → y → x"),
+            ("arm>x", "are not a tree: x → y → x"),
         ] {
             let wrong = way(&frames, name).unwrap_err();
             assert!(wrong.contains(words), "{wrong}");

@@ -100,7 +100,7 @@ impl Domain {
     ///
     /// # Errors
     /// Everything that is wrong with it, in the order of the text, up to a bound; a text
-    /// that is no domain at all gives one complaint.
+    /// that is not a domain at all gives one complaint.
     pub fn read(source: &Source, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
         Self::resolve(source, dialect).map_err(|wrong| foreign_or(source, wrong))
     }

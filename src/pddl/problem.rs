@@ -58,7 +58,7 @@ impl Problem {
     ///
     /// # Errors
     /// Everything that is wrong with it, in the order of the text, up to a bound; a text
-    /// that is no problem at all gives one complaint.
+    /// that is not a problem at all gives one complaint.
     pub fn read(source: &Source, domain: &Domain, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
         Self::resolve(source, domain, dialect).map_err(|wrong| foreign_or(source, wrong))
     }

@@ -45,8 +45,8 @@ pub enum PlanDocumentError {
     /// The numbers of the steps leave one out.
     #[error("step {0} is missing")]
     Gap(u64),
-    /// An argument is no value that a name could have come from.
-    #[error("`{0}` is no value that a name stands for")]
+    /// An argument is not a value that a name could have come from.
+    #[error("`{0}` is not a value that a name stands for")]
     NotAName(String),
 }
 

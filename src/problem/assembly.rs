@@ -24,7 +24,7 @@ pub(super) struct Emitted {
     pub(super) document: Option<DocumentId>,
     /// Whether it is the goal: PDDL text, and no name.
     pub(super) goal: bool,
-    /// The value, where it is no text.
+    /// The value, where it is not a text.
     pub(super) value: Option<Box<Bson>>,
 }
 
@@ -103,7 +103,7 @@ struct Notes {
     placed: Vec<Placed>,
     /// From where each name was first written.
     first: Vec<(Span, Option<DocumentId>)>,
-    /// What names by their folded case stand for, where that is no text.
+    /// What names by their folded case stand for, where that is not a text.
     values: HashMap<String, Bson>,
 }
 

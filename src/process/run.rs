@@ -510,7 +510,7 @@ impl Reading<'_> {
         }
     }
 
-    /// The first `limit` bytes of a file in the run's directory. What is no file of its own
+    /// The first `limit` bytes of a file in the run's directory. What is not a file of its own
     /// there has no text: a pipe, a device, a link that leads out.
     fn text(&self, directory: &Path, name: &str, limit: u64) -> Option<String> {
         let path = directory.join(name).canonicalize().ok()?;

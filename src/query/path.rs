@@ -149,7 +149,7 @@ fn in_items<'a>(
     false
 }
 
-/// Refuses what is no path of a field: one with empty parts, or parts with a `$`.
+/// Refuses what is not a path of a field: one with empty parts, or parts with a `$`.
 pub(super) fn check_plain(path: &str) -> Result<()> {
     let code = match path {
         "" => 40_352,

@@ -68,7 +68,7 @@ impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "the document of {} with _id {} is no object of a scene: {}",
+            "the document of {} with _id {} is not an object of a scene: {}",
             self.namespace,
             shell::relaxed_value(&self.id),
             self.reason

@@ -72,7 +72,7 @@ struct Found {
 pub enum Event {
     /// These operations, in order.
     Operations(Vec<Operation>),
-    /// A document is no object any more.
+    /// A document is not an object any more.
     Invalid(Vec<Invalid>, Vec<Operation>),
     /// Nothing in this time.
     Nothing,

@@ -47,7 +47,7 @@ impl<'a> Kinds<'a> {
     /// The kinds of a collection.
     ///
     /// # Errors
-    /// Where a query is no query.
+    /// Where a query is not a query.
     pub fn of(kinds: &'a [ObjectKind], namespace: &Namespace) -> Result<Self, QueryError> {
         let own = kinds.iter().filter(|kind| kind.namespace == *namespace);
         let kinds = own.map(|kind| Ok((kind, Filter::parse(&kind.query)?))).collect::<Result<_, QueryError>>()?;

@@ -18,9 +18,9 @@ pub enum Address {
     Unix(PathBuf),
 }
 
-/// Why a text is no address.
+/// Why a text is not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no address to listen on: {reason}; expected HOST:PORT, like 127.0.0.1:27017")]
+#[error("`{text}` is not an address to listen on: {reason}; expected HOST:PORT, like 127.0.0.1:27017")]
 pub struct AddressError {
     text: String,
     reason: String,
@@ -46,7 +46,7 @@ impl Address {
             return Ok(Self::Tcp(SocketAddr::new(ip, PORT)));
         }
         let (host, port) = match text.rsplit_once(':') {
-            Some((host, port)) => (host, port.parse().map_err(|_| refuse("the port is no number up to 65535"))?),
+            Some((host, port)) => (host, port.parse().map_err(|_| refuse("the port is not a number up to 65535"))?),
             None => (text, PORT),
         };
         let host = if host.is_empty() { "127.0.0.1" } else { host };

@@ -259,7 +259,7 @@ fn bind(path: &Path) -> Result<UnixListener, ListenError> {
     let wrong = |reason: String| ListenError::Socket { path: path.to_owned(), reason };
     match fs::symlink_metadata(path) {
         Ok(found) if !found.file_type().is_socket() => {
-            return Err(wrong("is no socket; remove it, or name another path with --socket".to_owned()));
+            return Err(wrong("is not a socket; remove it, or name another path with --socket".to_owned()));
         }
         Ok(_) if UnixStream::connect(path).is_ok() => {
             return Err(wrong("another process listens there; end it, or name another path".to_owned()));

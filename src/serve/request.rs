@@ -152,7 +152,7 @@ pub(super) fn too_long() -> Failure {
     Failure::new(codes::TOO_LONG, "operation exceeded time limit")
 }
 
-/// Refuses what is no name of a database, whatever the command: with a dot in it, it would name a collection.
+/// Refuses what is not a name of a database, whatever the command: with a dot in it, it would name a collection.
 fn check_database(name: &str) -> Result<(), Failure> {
     let is_name = !name.is_empty() && name.len() <= 63 && !name.contains(['.', '/', '\\', ' ', '"', '$', '\0']);
     match is_name || name == "$external" {

@@ -186,7 +186,7 @@ impl File {
                 known.dedup();
                 return Err((
                     unknown.span(),
-                    format!("`{}` is no feature of PDDL; expected one of {}", unknown.get_ref(), known.join(", ")),
+                    format!("`{}` is not a feature of PDDL; expected one of {}", unknown.get_ref(), known.join(", ")),
                 ));
             }
         }
@@ -386,7 +386,7 @@ mod tests {
                 "collection='a.b'\ngeometry=\"{type: 'box', size: [1, 2, 0]}\"",
                 "4:10: its `geometry` is a box that has the size",
             ),
-            ("collection='a.b'\nname_key='a.b'", "4:10: `a.b` is no key"),
+            ("collection='a.b'\nname_key='a.b'", "4:10: `a.b` is not a key"),
             ("collection='a.b'\nnamekey='a'", "4:1: unknown field `namekey`"),
         ] {
             let text = complaint(&format!("[[scene.object]]\nname='block'\n{rest}\n"));

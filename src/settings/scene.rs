@@ -57,7 +57,7 @@ impl ObjectTable {
         let name_key = self.name_key.as_ref().map_or(NAME, |key| key.get_ref());
         if name_key.is_empty() || name_key.contains('.') {
             let span = self.name_key.as_ref().map(Spanned::span).unwrap_or_default();
-            return Err((span, format!("`{name_key}` is no key of a document; expected one like `name`")));
+            return Err((span, format!("`{name_key}` is not a key of a document; expected one like `name`")));
         }
         Ok(ObjectKind {
             name: self.name.get_ref().clone(),

@@ -223,7 +223,7 @@ fn what_is_wrong_in_a_table_is_shown_at_its_place() {
       |           ^^^^
     [exit code: 3]
     ------- stderr -------
-    error: $LAB/robot/rmem.toml:7:12: `` is no key; expected one like `pose.translation`
+    error: $LAB/robot/rmem.toml:7:12: `` is not a key; expected one like `pose.translation`
       |
     7 | position = ''
       |            ^^

@@ -55,7 +55,7 @@ fn doctor_tries_planners_and_computables() {
 fn doctor_asks_the_programs_of_computables() {
     let lab = Lab::empty();
     lab.write("sum.sh", "read q; case $q in *'\"x\":2'*) echo '{compute: \"sum\", x: 2, sum: 3} {compute: \"sum\", x: 2, sum: 4}';; *) echo no x >&2; exit 7;; esac\n");
-    lab.write("chatty.sh", "echo 'this is no document'\n");
+    lab.write("chatty.sh", "echo 'this is not a document'\n");
     lab.write("slow.sh", "sleep 100\n");
     lab.write(
         "rmem.toml",

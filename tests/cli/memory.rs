@@ -216,7 +216,7 @@ fn a_damaged_document_is_named_and_never_answered() {
 #[test]
 fn a_store_that_cannot_be_read_is_4_wherever_it_is_read() {
     let lab = Lab::empty();
-    lab.write("text.rmem", &"this is no memory ".repeat(100));
+    lab.write("text.rmem", &"this is not a memory ".repeat(100));
     lab.write("world.json", "{\"a.b\": []}");
     let lab = lab.env("RMEM_MEMORY", "file:text.rmem");
     let commands = [

@@ -1050,8 +1050,8 @@ fn a_value_of_a_document_that_is_no_name_is_shown_with_the_document() {
     };
     for (expression, message) in [
         ("{{ n.name }}", "null has no name in PDDL"),
-        ("{{ n.tags }}", "a list is no name"),
-        ("{{ n.seen }}", "a date is no name"),
+        ("{{ n.tags }}", "a list is not a name"),
+        ("{{ n.seen }}", "a date is not a name"),
         ("{{ n.pose.x }}", "null has no name in PDDL"),
     ] {
         let refused = render(expression);

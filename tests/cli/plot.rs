@@ -81,7 +81,7 @@ fn what_cannot_be_drawn_is_refused_and_leaves_no_file() {
     ");
     assert_run!(plot(&["--x", "mass", "--y", "mass", "--size", "0x0"]), @r"
     ------- stderr -------
-    error: invalid value '0x0' for '--size <WxH>': `0x0` is no size; expected WIDTHxHEIGHT in pixels, 100 to 10000 each, like 800x500
+    error: invalid value '0x0' for '--size <WxH>': `0x0` is not a size; expected WIDTHxHEIGHT in pixels, 100 to 10000 each, like 800x500
 
     For more information, try '--help'.
     [exit code: 2]

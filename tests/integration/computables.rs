@@ -812,7 +812,7 @@ fn frames_that_are_no_tree_are_an_error(lab: &Lab) {
     let back = doc! { "frame": "map", "parent": "arm", "translation": [0, 0, 0], "rotation": [0, 0, 0, 1] };
     memory.insert(&lab.ns("frames"), vec![back]).unwrap();
     let error = ask("elsewhere".into());
-    assert!(error.contains("are no tree: table → map → arm → table"), "{error}");
+    assert!(error.contains("are not a tree: table → map → arm → table"), "{error}");
 }
 
 fn nearest(lab: &Lab) -> Definition {

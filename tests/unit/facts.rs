@@ -150,7 +150,7 @@ fn templates_decide_types_and_fill_in_defaults() {
     assert_eq!(import("(t)", &schema).get("m"), Some(&Bson::Array(Vec::new())));
     assert!(try_import("(t (f 3))", &schema).unwrap_err().contains("expected FLOAT, found INTEGER `3`"));
     assert!(try_import("(t (s green))", &schema).unwrap_err().contains("expected STRING, found SYMBOL `green`"));
-    assert!(try_import("(t (x 1))", &schema).unwrap_err().contains("`x` is no slot of `t`; expected s, f, m, i"));
+    assert!(try_import("(t (x 1))", &schema).unwrap_err().contains("`x` is not a slot of `t`; expected s, f, m, i"));
     assert!(try_import("(t 1)", &schema).unwrap_err().contains("expected the slots of `t`"));
 }
 

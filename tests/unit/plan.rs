@@ -148,8 +148,8 @@ fn what_is_not_a_stored_plan_is_refused_with_its_key() {
         (doc! { "plan": "success", "1": 3 }, "`1` is not a document"),
         (doc! { "plan": "success", "1": {} }, "`1` does not name an action"),
         (doc! { "plan": "success", "2": { "action": "a" } }, "step 1 is missing"),
-        (doc! { "plan": "success", "1": { "action": "a", "x": 3 } }, "`1.x` is no value"),
-        (doc! { "plan": 1, "actions": [{ "name": "a", "args": [null] }] }, "`actions.0.args.0` is no value"),
+        (doc! { "plan": "success", "1": { "action": "a", "x": 3 } }, "`1.x` is not a value"),
+        (doc! { "plan": 1, "actions": [{ "name": "a", "args": [null] }] }, "`actions.0.args.0` is not a value"),
     ] {
         let printed = from_document(&document, &name).unwrap_err().to_string();
         assert!(printed.starts_with(error), "{document}: {printed}");

@@ -185,7 +185,7 @@ fn what_the_checker_says_is_said_of_the_template_and_the_document() {
     let domain = Domain::read(&Source::new("d", domain), Dialect::default()).expect("a domain");
     let template = "(define (problem p) (:domain d) (:objects A)\n\
         (:init <<#T|{relation: 'on-table'}>>\n (on-table <<object>>)<</T>>)\n(:goal (and)))";
-    let errors = made(template, blocks()).check(&domain, Dialect::default()).expect_err("C is no object");
+    let errors = made(template, blocks()).check(&domain, Dialect::default()).expect_err("C is not an object");
     let error = errors.first().expect("one").to_string();
     assert!(error.starts_with("t:3:12: "), "{error}");
     assert!(error.contains("from document _id 2 of robmem.worldmodel"), "{error}");
@@ -344,7 +344,7 @@ fn mistakes_are_complained_about_at_their_place() {
         ),
         ("{% for d in\n query('robmem.worldmodel', {'$wrong': 1}) %}{% endfor %}", "t:"),
         ("\n{% for %}", "t:2:"),
-        ("{{ [1] }}", "t:1:1: a list is no name"),
+        ("{{ [1] }}", "t:1:1: a list is not a name"),
         ("{{ none }}", "t:1:1: null has no name"),
         ("{% include 'x' %}", "t:1:4: there is no such template"),
         ("{{ 'a b'|safe }}", "t:1:"),
@@ -352,7 +352,7 @@ fn mistakes_are_complained_about_at_their_place() {
         ("{{ count('robmem') }}", "t:1:"),
         ("{{ query('robmem.worldmodel', sort={'a': 1, 'b': 1}) }}", "t:1:"),
         ("{% macro m() %}{{ m() }}{% endmacro %}{{ m() }}", "t:1:"),
-        ("{{ {'a': 1} }}", "t:1:1: a document is no name"),
+        ("{{ {'a': 1} }}", "t:1:1: a document is not a name"),
         ("\u{FDD0}", "t:1:1: a template cannot hold"),
     ] {
         let error = complaint(template, blocks());
@@ -658,7 +658,7 @@ fn what_is_wrong_in_the_goal_is_said_of_its_marker() {
         for documents in [blocks(), Vec::new()] {
             let request = Request { goal: Some("(on A Z)".to_owned()), ..request(&template) };
             let generated = generate(&request, &memory(documents)).unwrap_or_else(|error| panic!("{error}"));
-            let errors = generated.check(&domain, Dialect::default()).expect_err("Z is no object");
+            let errors = generated.check(&domain, Dialect::default()).expect_err("Z is not an object");
             let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
             assert_eq!(errors.len(), 1, "{errors:?}");
             assert!(errors[0].starts_with("t:4:8: "), "{}", errors[0]);

@@ -88,7 +88,7 @@ fn the_verdicts_are_those_of_val() {
     goalnot: the plan is invalid: the goal is not reached: (in cup b) is false
     noaction: the plan is invalid: step 1: the domain has no action `fly`
     type: the plan is invalid: step 2: `ball` is of type `object`, but `pick` wants `robot` for `?r`
-    undef: the plan is invalid: step 11: action `drop` names `nosuch`, which is no object
+    undef: the plan is invalid: step 11: action `drop` names `nosuch`, which is not an object
     ");
 }
 
@@ -235,7 +235,7 @@ fn quantifiers_range_over_the_objects_of_their_type() {
     assert_eq!(check("(not (= tom rex))", ""), "the plan is valid, value 0");
     assert_eq!(
         check("(and)", "(feed tim)"),
-        "the plan is invalid: step 1: action `feed` names `tim`, which is no object; did you mean `tom`?"
+        "the plan is invalid: step 1: action `feed` names `tim`, which is not an object; did you mean `tom`?"
     );
 }
 

@@ -103,7 +103,7 @@ impl WorldModel {
             let name = document.get_str(crate::clips::facts::RELATION).unwrap_or_default().to_owned();
             if self.strange.borrow_mut().insert(name) {
                 state.sender().note(format!(
-                    "{}, document {}: {message}; it is no fact here",
+                    "{}, document {}: {message}; it is not a fact here",
                     self.namespace,
                     shell::relaxed_value(id)
                 ));
@@ -219,7 +219,7 @@ impl WorldModel {
         let mut slots = clips.slots(fact);
         for (name, value) in changes {
             let slot = slots.iter_mut().find(|(slot, _)| slot == name);
-            let slot = slot.ok_or_else(|| format!("`{name}` is no slot of the fact"))?;
+            let slot = slot.ok_or_else(|| format!("`{name}` is not a slot of the fact"))?;
             if name == SYNC_ID || name.contains('.') {
                 return Err(format!("the slot `{name}` cannot be changed"));
             }

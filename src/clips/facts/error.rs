@@ -2,7 +2,7 @@
 
 use crate::fault::{AtFault, Fault};
 
-/// Why a document is no fact.
+/// Why a document is not a fact.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the key `{key}` {message}")]
 pub struct FactError {

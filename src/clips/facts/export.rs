@@ -185,7 +185,7 @@ fn ordered(document: &Document) -> Option<&[Bson]> {
 fn known<'t>(slot: Option<&'t Slot>, template: &Template, name: &str) -> Result<&'t Slot, FactError> {
     slot.ok_or_else(|| {
         let names: Vec<&str> = template.slots.iter().map(|slot| slot.name.as_str()).collect();
-        let message = format!("is no slot of `{}`; expected {}", template.name, names.join(", "));
+        let message = format!("is not a slot of `{}`; expected {}", template.name, names.join(", "));
         FactError::new(name, message)
     })
 }

@@ -100,7 +100,7 @@ fn slots_of(
             None => None,
             Some(template) => Some(template.slot(&filled.name).ok_or_else(|| {
                 let names: Vec<&str> = template.slots.iter().map(|slot| slot.name.as_str()).collect();
-                wrong(format!("`{}` is no slot of `{}`; expected {}", filled.name, template.name, names.join(", ")))
+                wrong(format!("`{}` is not a slot of `{}`; expected {}", filled.name, template.name, names.join(", ")))
             })?),
         };
         let values = match slot {

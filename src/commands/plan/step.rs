@@ -185,7 +185,9 @@ fn number(text: &str, plan: &Record) -> Result<usize, UsageError> {
         return by_action(text, plan);
     }
     text.parse().map_err(|_| {
-        UsageError::new(format!("`{text}` is no step; expected a number from 1, an action like '(pick A)', or `next`"))
+        UsageError::new(format!(
+            "`{text}` is not a step; expected a number from 1, an action like '(pick A)', or `next`"
+        ))
     })
 }
 

@@ -65,5 +65,5 @@ pub(super) fn warn_of_changes(id: &str, source: &TaskSource, context: &mut Conte
 
 /// A document that has a `plan` but is none.
 pub(super) fn broken(id: &str, error: &PlanDocumentError) -> WrongInput {
-    WrongInput::new(format!("{id} is no plan that rmem reads: {error}"))
+    WrongInput::new(format!("{id} is not a plan that rmem reads: {error}"))
 }

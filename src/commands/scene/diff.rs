@@ -117,7 +117,7 @@ fn is_collection(namespace: &Namespace, context: &mut Context<'_>) -> bool {
     missing::look(namespace, &memory, context).is_ok_and(|message| message.is_none())
 }
 
-/// Whether a name that is no file here looks like one.
+/// Whether a name that is not a file here looks like one.
 fn has_extension(path: &Path) -> bool {
     let known = ["json", "scene", "xml", "sdf", "urdf", "mjcf", "world"];
     path.extension().is_some_and(|extension| known.iter().any(|known| extension == *known))

@@ -213,7 +213,8 @@ fn shortened(names: &[String]) -> String {
 
 /// The spelling of a format.
 pub(super) fn spelling(format: Format) -> Result<&'static Spelling> {
-    by_name(format.name()).ok_or_else(|| UsageError::new(format!("`{}` is no format of scenes", format.name())).into())
+    by_name(format.name())
+        .ok_or_else(|| UsageError::new(format!("`{}` is not a format of scenes", format.name())).into())
 }
 
 /// A scene file, in the format that is named or that it looks like.
@@ -224,7 +225,7 @@ pub(super) fn read_file(
 ) -> Result<(Content, &'static Spelling)> {
     let source: Source = context.read(path)?;
     let spelling = match from {
-        Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is no format of scenes")))?,
+        Some(name) => by_name(name).ok_or_else(|| UsageError::new(format!("`{name}` is not a format of scenes")))?,
         None => recognize(source.text()).ok_or_else(|| unknown(&source))?,
     };
     let content = (spelling.read)(&source)?;

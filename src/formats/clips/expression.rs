@@ -28,7 +28,7 @@ struct Call<'a> {
 /// Evaluates the call whose `(` is the next word and takes all of it.
 ///
 /// # Errors
-/// Outside, where the text is no list; inside, where it is one whose value is not known here.
+/// Outside, where the text is not a list; inside, where it is one whose value is not known here.
 pub(super) fn evaluate(lexer: &mut Lexer<'_>, globals: &Globals) -> Result<Result<Vec<Value>, Diagnostic>, Diagnostic> {
     let mut calls: Vec<Call<'_>> = Vec::new();
     let mut wrong: Option<Diagnostic> = None;

@@ -42,7 +42,7 @@ pub enum Item {
     },
 }
 
-/// Whether a list with this head is no fact.
+/// Whether a list with this head is not a fact.
 #[must_use]
 pub fn is_construct(name: &str) -> bool {
     SKIPPED.contains(&name) || matches!(name, "deffacts" | "deftemplate" | "assert")

@@ -47,11 +47,11 @@ impl<R: BufRead> Archive<R> {
     /// Reads which collections there are.
     ///
     /// # Errors
-    /// Where it is no archive, or damaged.
+    /// Where it is not an archive, or damaged.
     pub fn open(mut input: R) -> Result<Self, Damage> {
         let mut magic = [0; 4];
         if input.read_exact(&mut magic).is_err() || magic != MAGIC {
-            return Err(Damage { offset: 0, reason: "this is no archive of mongodump".to_owned() });
+            return Err(Damage { offset: 0, reason: "this is not an archive of mongodump".to_owned() });
         }
         let mut archive = Self { frames: Frames::new(input, 4), collections: Vec::new() };
         match archive.frames.read()? {

@@ -67,13 +67,13 @@ pub fn shapes(geometry: &Bson) -> Result<Vec<Shape>, String> {
         Bson::Document(single) => Ok(vec![shape(single).map_err(|wrong| format!("its `geometry` {wrong}"))?]),
         Bson::Array(several) => {
             let each = |(index, value): (usize, &Bson)| {
-                let single = value.as_document().ok_or_else(|| "is no document".to_owned());
+                let single = value.as_document().ok_or_else(|| "is not a document".to_owned());
                 single.and_then(shape).map_err(|wrong| format!("its `geometry.{index}` {wrong}"))
             };
             several.iter().enumerate().map(each).collect()
         }
         _ => Err(
-            "its `geometry` is no shape; expected one like {type: 'box', size: [0.1, 0.1, 0.1]}, or an array of such"
+            "its `geometry` is not a shape; expected one like {type: 'box', size: [0.1, 0.1, 0.1]}, or an array of such"
                 .to_owned(),
         ),
     }
@@ -144,7 +144,7 @@ fn mesh(document: &Document) -> Result<Mesh, String> {
 }
 
 fn rows<T>(document: &Document, key: &str, read: impl Fn(&Bson) -> Option<T>) -> Result<Vec<[T; 3]>, String> {
-    let wrong = || format!("has `{key}` that are no array of three numbers each");
+    let wrong = || format!("has `{key}` that are not arrays of three numbers each");
     let rows = document.get_array(key).map_err(|_| wrong())?;
     let row = |row: &Bson| {
         let values: Option<Vec<T>> = row.as_array()?.iter().map(&read).collect();
@@ -162,7 +162,7 @@ fn own_pose(document: &Document) -> Result<Pose, String> {
 }
 
 fn subframes(value: &Bson) -> Result<Vec<(String, Pose)>, String> {
-    let wrong = || "its `subframes` is no document of poses, like {handle: {translation: [0, 0, 0.1]}}".to_owned();
+    let wrong = || "its `subframes` is not a document of poses, like {handle: {translation: [0, 0, 0.1]}}".to_owned();
     let frame = |(name, value): (&String, &Bson)| {
         let own = value.as_document().ok_or_else(wrong)?;
         let pose = own_pose(own).map_err(|wrong| format!("its subframe `{name}`: {wrong}"))?;
@@ -400,12 +400,12 @@ mod tests {
             ),
             (doc! { "geometry": { "type": "plane", "normal": [0, 0, 2], "offset": 0 } }, "expected a unit vector"),
             (doc! { "geometry": { "type": "mesh" } }, "expected either `file` or `vertices`"),
-            (doc! { "geometry": 7 }, "is no shape"),
+            (doc! { "geometry": 7 }, "is not a shape"),
             (doc! { "color": [1, 0] }, "expected [r, g, b, a] from 0 to 1"),
             (doc! { "mass": 0 }, "expected more than 0 kilograms"),
             (doc! { "static": 1 }, "expected true or false"),
             (doc! { "attached_to": { "joint": 1 } }, "`attached_to` is not like"),
-            (doc! { "subframes": [1] }, "`subframes` is no document of poses"),
+            (doc! { "subframes": [1] }, "`subframes` is not a document of poses"),
         ] {
             let wrong = wrong(changes);
             assert!(wrong.contains(words), "{wrong}");

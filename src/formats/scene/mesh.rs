@@ -96,7 +96,7 @@ fn three(text: &str) -> Option<[f64; 3]> {
 }
 
 fn obj(bytes: &[u8]) -> Result<Triangles, String> {
-    let text = std::str::from_utf8(bytes).map_err(|_| "the mesh is no text".to_owned())?;
+    let text = std::str::from_utf8(bytes).map_err(|_| "the mesh is not text".to_owned())?;
     let mut triangles = Triangles::default();
     for (index, line) in text.lines().enumerate() {
         let wrong = |expected: &str| format!("line {}: expected {expected}", index + 1);

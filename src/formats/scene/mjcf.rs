@@ -375,12 +375,12 @@ impl Reader {
             Some("xyaxes") => {
                 let [a, b, c, d, e, f] = element.numbers("xyaxes")?.unwrap_or_default();
                 axes([a, b, c], [d, e, f])
-                    .ok_or_else(|| element.wrong_attribute("xyaxes", "these are no two directions"))?
+                    .ok_or_else(|| element.wrong_attribute("xyaxes", "these are not two directions"))?
             }
             Some("zaxis") => {
                 let axis: [f64; 3] = element.numbers("zaxis")?.unwrap_or_default();
                 if norm(&axis) == 0.0 {
-                    return Err(element.wrong_attribute("zaxis", "this is no direction"));
+                    return Err(element.wrong_attribute("zaxis", "this is not a direction"));
                 }
                 from_z_to(axis)
             }

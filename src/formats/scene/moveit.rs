@@ -47,7 +47,7 @@ fn fits(object: &Object) -> Result<(), String> {
     let name = &object.name;
     if name.is_empty() || name.trim() != name || name.contains(char::is_control) {
         return Err(format!(
-            "its name `{}` begins or ends with a blank, is empty, or is no single line, which moveit cannot express",
+            "its name `{}` begins or ends with a blank, is empty, or is not a single line, which moveit cannot express",
             name.escape_debug()
         ));
     }

@@ -25,7 +25,7 @@ const WORDS: [(&[&str], &str); 8] = [
 const COMPARISONS: [(&str, &str); 6] =
     [(">=", "$gte"), ("<=", "$lte"), ("!=", "$ne"), ("<>", "$ne"), (">", "$gt"), ("<", "$lt")];
 
-/// What to write instead of the text that is no value.
+/// What to write instead of the text that is not a value.
 pub(super) fn hint(text: &str) -> Option<String> {
     if text.starts_with('(') {
         return Some("Python's tuple is written as an array: [1, 2]".to_owned());
@@ -47,7 +47,7 @@ pub(super) fn hint(text: &str) -> Option<String> {
     })
 }
 
-/// What to write instead of a word that is no value.
+/// What to write instead of a word that is not a value.
 pub(super) fn hint_of_word(text: &str) -> String {
     hint(text).unwrap_or_else(|| "strings are written in quotes".to_owned())
 }

@@ -54,7 +54,7 @@ fn unicode<'a>(rest: &'a str, text: &mut String) -> Result<&'a str, String> {
     if let Some(rest) = rest.strip_prefix('{') {
         let (digits, after) = rest.split_once('}').ok_or("expected `}` after `\\u{`")?;
         let code = u32::from_str_radix(digits, 16).ok().and_then(char::from_u32);
-        text.push(code.ok_or_else(|| format!("`\\u{{{digits}}}` is no character"))?);
+        text.push(code.ok_or_else(|| format!("`\\u{{{digits}}}` is not a character"))?);
         return Ok(after);
     }
     let (first, after) = hex(rest, 4)?;

@@ -41,7 +41,7 @@ impl Memory {
     /// The computables that a query needs, in the order in which they run.
     ///
     /// # Errors
-    /// Where the store fails, what it keeps is no computable, or an expression in a spec fails on the query.
+    /// Where the store fails, what it keeps is not a computable, or an expression in a spec fails on the query.
     pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
         self.registry(ns)?.matching(ns, query)
     }

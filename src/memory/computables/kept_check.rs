@@ -109,7 +109,7 @@ mod tests {
         assert_eq!((count("a.good").unwrap(), count("a.other").unwrap(), count("b.bad").unwrap()), (0, 0, 0));
         assert_eq!(said.borrow().len(), 2, "each once: {said:?}");
         let error = count("a.worse").unwrap_err().to_string();
-        assert!(error.contains("a document with _id \"wrong\" that is no computable: `spec`"), "{error}");
+        assert!(error.contains("a document with _id \"wrong\" that is not a computable: `spec`"), "{error}");
         let (computables, wrong) = memory.computables().unwrap();
         let names: Vec<&str> = computables.iter().map(|computable| computable.definition.name.as_str()).collect();
         assert_eq!((names, wrong.len()), (vec!["early", "fine"], 2));

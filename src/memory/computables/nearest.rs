@@ -28,7 +28,7 @@ pub(super) const BUILTIN: Builtin = Builtin { name: "nearest", keys: &["position
 fn make(options: &Options, _: &Namespace) -> Result<Box<dyn Body>, WrongOption> {
     let position = options.get("position").map_or("translation", String::as_str);
     if position.split('.').any(str::is_empty) {
-        return Err(("position", format!("`{position}` is no key; expected one like `pose.translation`")));
+        return Err(("position", format!("`{position}` is not a key; expected one like `pose.translation`")));
     }
     Ok(Box::new(Nearest { position: position.to_owned() }))
 }
@@ -88,7 +88,7 @@ impl Nearest {
         let id = document.get("_id").map(shell::relaxed_value).unwrap_or_default();
         let count = wanted.point.len();
         ComputeError::wrong(format!(
-            "the `{}` of the document with _id {id} is no position of {count} numbers, as `nearest_to` is",
+            "the `{}` of the document with _id {id} is not a position of {count} numbers, as `nearest_to` is",
             self.position
         ))
     }

@@ -90,7 +90,7 @@ impl Registry {
     /// The computables with these definitions, registered in this order.
     ///
     /// # Errors
-    /// Where a spec is no query.
+    /// Where a spec is not a query.
     pub fn new(definitions: Vec<Definition>, host: &Host<'static>) -> Result<Self, StoreError> {
         Self::default().with(definitions, Some(host))
     }
@@ -98,7 +98,7 @@ impl Registry {
     /// These, and computables with further definitions; without a host, none of them may be a program.
     ///
     /// # Errors
-    /// Where a spec is no query, a body is not acceptable, or two that are declared apart have one name.
+    /// Where a spec is not a query, a body is not acceptable, or two that are declared apart have one name.
     pub(super) fn with(&self, definitions: Vec<Definition>, host: Option<&Host<'static>>) -> Result<Self, StoreError> {
         let mut registry = self.copy();
         for definition in definitions {
@@ -200,7 +200,7 @@ impl Registry {
     /// Those that a query needs, in the order in which they run.
     ///
     /// # Errors
-    /// Where an expression in a spec fails on the query; what is kept for the collection is no computable; one that the query
+    /// Where an expression in a spec fails on the query; what is kept for the collection is not a computable; one that the query
     /// needs has the name of another.
     pub fn matching(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
         if !self.wrong.is_empty() {
@@ -302,7 +302,7 @@ pub(super) fn wrong_message(place: &Namespace, id: &Bson, wrong: &str) -> String
         _ => format!("rmem delete {place} '{{_id: {}}}'", shell::relaxed_value(id)),
     };
     let id = shell::relaxed_value(id);
-    format!("{place} has a document with _id {id} that is no computable: {wrong}; remove it: {remove}")
+    format!("{place} has a document with _id {id} that is not a computable: {wrong}; remove it: {remove}")
 }
 
 fn failed(name: &str, error: QueryError) -> StoreError {

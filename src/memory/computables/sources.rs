@@ -19,7 +19,7 @@ impl Memory {
     /// What the documents of these collections come from.
     ///
     /// # Errors
-    /// Where the store fails, or what it keeps is no computable.
+    /// Where the store fails, or what it keeps is not a computable.
     pub fn sources(&self, asked: &[Namespace]) -> Result<Sources, StoreError> {
         let mut sources = Sources { namespaces: asked.to_vec(), delay: Duration::ZERO };
         let mut next = 0;

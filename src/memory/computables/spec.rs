@@ -16,7 +16,7 @@ pub(super) struct Spec {
 /// spec is looked for.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Slot {
-    /// This key with this text (or with what is no text: an array may have it).
+    /// This key with this text (or with what is not a text: an array may have it).
     Text(String, String),
     /// This key, with a number within these bounds where there are some.
     Key(String, Bounds),

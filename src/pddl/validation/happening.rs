@@ -603,7 +603,7 @@ fn check_continuous(instance: &Instance<'_>) -> Result<(), Stop> {
     }
 }
 
-/// A function among facts: its number is counted from the other end, so that it is no predicate's.
+/// A function among facts: its number is counted from the other end, so that it is not a predicate's.
 fn function_key(ground: &Ground) -> Ground {
     let mut key = ground.clone();
     if let Some(function) = key.first_mut() {

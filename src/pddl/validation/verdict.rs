@@ -182,7 +182,7 @@ impl fmt::Display for Failure {
                 write!(f, "action `{action}` takes {}, found {found}", count(*wanted))
             }
             Self::UnknownObject { action, object, nearest, .. } => {
-                write!(f, "action `{action}` names `{object}`, which is no object{}", maybe(nearest))
+                write!(f, "action `{action}` names `{object}`, which is not an object{}", maybe(nearest))
             }
             Self::ArgumentType { action, parameter, object, is, wanted, .. } => {
                 write!(f, "`{object}` is of type `{is}`, but `{action}` wants `{wanted}` for `?{parameter}`")

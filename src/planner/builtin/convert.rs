@@ -238,7 +238,7 @@ impl Scope<'_> {
     fn declare(&mut self, variables: &[(String, String)]) -> Result<Vec<usize>, String> {
         let mut slots = Vec::new();
         for (name, kind) in variables {
-            let kind = self.names.kinds.get(kind).ok_or_else(|| format!("{kind} is no type"))?;
+            let kind = self.names.kinds.get(kind).ok_or_else(|| format!("{kind} is not a type"))?;
             self.variables.push((name.clone(), self.slots.len()));
             slots.push(self.slots.len());
             self.slots.push(*kind);
@@ -266,7 +266,8 @@ impl Scope<'_> {
     }
 
     fn atom(&self, predicate: &str, terms: &[pddl::Term]) -> Result<Atom, String> {
-        let number = self.names.number(predicate, terms.len()).ok_or_else(|| format!("{predicate} is no predicate"))?;
+        let number =
+            self.names.number(predicate, terms.len()).ok_or_else(|| format!("{predicate} is not a predicate"))?;
         Ok(Atom { predicate: number, terms: self.terms(terms)? })
     }
 
@@ -392,7 +393,7 @@ impl Scope<'_> {
             AssignOp::ScaleUp => Change::ScaleUp,
             AssignOp::ScaleDown => Change::ScaleDown,
         };
-        let function = *self.names.functions.get(function).ok_or_else(|| format!("{function} is no function"))?;
+        let function = *self.names.functions.get(function).ok_or_else(|| format!("{function} is not a function"))?;
         let (terms, amount) = (self.terms(terms)?, self.amount(amount)?);
         Ok(NumericEffect { slots: slots.to_vec(), condition, function, terms, change, amount })
     }
@@ -410,7 +411,7 @@ impl Scope<'_> {
         Ok(match expression {
             Expr::Num(number) => Amount::Number(*number),
             Expr::Fluent(name, terms) => {
-                let function = self.names.functions.get(name).ok_or_else(|| format!("{name} is no function"))?;
+                let function = self.names.functions.get(name).ok_or_else(|| format!("{name} is not a function"))?;
                 Amount::Function(*function, self.terms(terms)?)
             }
             Expr::Add(left, right) => both(left, right).map(|(left, right)| Amount::Sum(vec![left, right]))?,

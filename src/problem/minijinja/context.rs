@@ -253,7 +253,7 @@ impl Context {
         Ok(text)
     }
 
-    /// The value in the memory, where it is no text.
+    /// The value in the memory, where it is not a text.
     fn typed(&self, value: &Value) -> Option<Bson> {
         if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
             return matches!(other, Bson::ObjectId(_)).then(|| other.clone());
@@ -275,8 +275,8 @@ impl Context {
         if let Some(Other(other)) = value.downcast_object_ref::<Other>() {
             return match other {
                 Bson::ObjectId(id) => Ok((id.to_hex().into(), false)),
-                Bson::Decimal128(_) => Err(invalid("a decimal is no name; use the filter `number`")),
-                Bson::DateTime(_) => Err(invalid("a date is no name; use the filter `number` for its milliseconds")),
+                Bson::Decimal128(_) => Err(invalid("a decimal is not a name; use the filter `number`")),
+                Bson::DateTime(_) => Err(invalid("a date is not a name; use the filter `number` for its milliseconds")),
                 _ => Err(invalid(format!("{value} has no name in PDDL"))),
             };
         }
@@ -291,7 +291,7 @@ impl Context {
             ValueKind::Bool => Ok((if value.is_true() { "true" } else { "false" }.into(), false)),
             ValueKind::Number if value.is_integer() => Ok((value.to_string().into(), true)),
             ValueKind::Number => match f64::try_from(value.clone())? {
-                number if !number.is_finite() => Err(invalid("NaN and infinity are no numbers in PDDL")),
+                number if !number.is_finite() => Err(invalid("NaN and infinity are not numbers in PDDL")),
                 number => {
                     let mut text = String::new();
                     write_double(&mut text, number).map_err(|_| ErrorKind::WriteFailure)?;
@@ -300,8 +300,8 @@ impl Context {
             },
             ValueKind::None => Err(invalid("null has no name in PDDL; test with `is none` first")),
             ValueKind::Undefined => Err(Error::new(ErrorKind::UndefinedError, "there is no such value")),
-            ValueKind::Seq | ValueKind::Iterable => Err(invalid("a list is no name; go through it with `for`")),
-            ValueKind::Map => Err(invalid("a document is no name; take one of its keys")),
+            ValueKind::Seq | ValueKind::Iterable => Err(invalid("a list is not a name; go through it with `for`")),
+            ValueKind::Map => Err(invalid("a document is not a name; take one of its keys")),
             kind => Err(invalid(format!("a value of type {kind} has no name in PDDL"))),
         }
     }

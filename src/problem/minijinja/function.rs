@@ -93,7 +93,7 @@ fn numeric(text: &str) -> Result<Value, Error> {
         return Ok(Value::from(number));
     }
     let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-    number.map(Value::from).ok_or_else(|| invalid(format!("`{}` is no number", text.escape_debug())))
+    number.map(Value::from).ok_or_else(|| invalid(format!("`{}` is not a number", text.escape_debug())))
 }
 
 /// Gives an environment what templates can call.

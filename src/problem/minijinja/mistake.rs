@@ -12,7 +12,7 @@ use crate::problem::ProblemError;
 use crate::problem::origin::from_document;
 
 /// What messages about values say that PDDL has no name for.
-const UNNAMED: [&str; 3] = ["has no name in PDDL", " is no name; ", " are no numbers in PDDL"];
+const UNNAMED: [&str; 3] = ["has no name in PDDL", " is not a name; ", " are not numbers in PDDL"];
 
 /// Whether an error says that a value is undefined, and no more.
 fn is_bare_undefined(error: &Error) -> bool {

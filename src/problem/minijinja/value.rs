@@ -272,7 +272,7 @@ impl Object for Doc {
     }
 }
 
-/// A value that templates can compare, keep and put into queries, but that is no name: a date, an ObjectId.
+/// A value that templates can compare, keep and put into queries, but that is not a name: a date, an ObjectId.
 #[derive(Debug)]
 pub(super) struct Other(pub(super) Bson);
 
@@ -316,7 +316,7 @@ pub(super) struct Joined {
 pub(super) fn text(text: &str) -> Value {
     // Both begin with this byte, which texts seldom have.
     if memchr::memchr(0xEF, text.as_bytes()).is_some() && text.contains([OPEN, CLOSE]) {
-        let message = "a value holds U+FDD0 or U+FDD1, which are no characters";
+        let message = "a value holds U+FDD0 or U+FDD1, which are not characters";
         return Value::from(Error::new(ErrorKind::InvalidOperation, message));
     }
     Value::from(text)

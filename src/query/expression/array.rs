@@ -49,7 +49,7 @@ fn array<'a>(code: i32, operator: &str, value: &'a Bson) -> Result<Option<&'a [B
     }
 }
 
-/// The same, with a code for what is no number.
+/// The same, with a code for what is not a number.
 fn whole(codes: (i32, i32), operator: &str, value: &Bson) -> Result<i64> {
     if Number::of(value).is_none() {
         return Err(wrong_type(codes.0, operator, "a number", value));

@@ -447,7 +447,9 @@ fn function(reader: &Reader<'_>, argument: &Bson) -> Result<Form> {
     // Other fields are let through, and what is missing is said after what is wrong before it.
     let wrong = match fields.get("body") {
         None => Some((31_261, "$function needs 'body'")),
-        Some(Bson::String(path)) if path.starts_with('$') => Some((31_432, "the 'body' of $function is no constant")),
+        Some(Bson::String(path)) if path.starts_with('$') => {
+            Some((31_432, "the 'body' of $function is not a constant"))
+        }
         Some(Bson::String(_) | Bson::JavaScriptCode(_)) => None,
         Some(_) => Some((31_262, "the 'body' of $function must be a string or code")),
     };

@@ -6,7 +6,7 @@ use crate::query::error::{FAILED_TO_PARSE, QueryError};
 /// What an operator with named arguments answers.
 struct Mistakes {
     operators: &'static [&'static str],
-    /// To what is no object.
+    /// To what is not an object.
     shape: i32,
     /// To an argument that it does not know.
     unknown: i32,
@@ -61,7 +61,7 @@ fn of(operator: &str) -> Option<&'static Mistakes> {
     MISTAKES.iter().find(|mistakes| mistakes.operators.contains(&operator))
 }
 
-/// The error for what is no object.
+/// The error for what is not an object.
 pub(super) fn shape(operator: &str) -> QueryError {
     let code = of(operator).map_or(FAILED_TO_PARSE, |mistakes| mistakes.shape);
     QueryError::invalid(code, format!("{operator} only supports an object as its argument"))

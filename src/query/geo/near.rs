@@ -251,7 +251,7 @@ fn geojson_form(operators: &Document) -> Result<Asked> {
             ("$geometry", _) => {}
             ("$minDistance", _) => least = finite_distance(name, value)?,
             ("$maxDistance", _) => most = finite_distance(name, value)?,
-            _ => return Err(QueryError::bad_value(format!("{name} is no argument of a geo near query"))),
+            _ => return Err(QueryError::bad_value(format!("{name} is not an argument of a geo near query"))),
         }
     }
     let centre = centre.ok_or_else(|| QueryError::bad_value("a geo near query needs a point, or a $geometry"))?;

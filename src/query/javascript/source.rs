@@ -2,7 +2,7 @@
 
 /// Returns an expression whose value is the function that a predicate is.
 ///
-/// As in mongod, a text that is no function is an expression where it has one line, no `return`, and no `;` but at its
+/// As in mongod, a text that is not a function is an expression where it has one line, no `return`, and no `;` but at its
 /// end; otherwise it is the body of a function.
 pub(super) fn predicate(text: &str) -> String {
     let text = text.trim();

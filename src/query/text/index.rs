@@ -256,7 +256,7 @@ fn check_path(name: &str) -> Result<()> {
     match name.split('.').any(|part| part.is_empty() || part.starts_with('$')) {
         false => Ok(()),
         true => {
-            let message = format!("`{name}` is no path of a text index; for all strings, take \"$**\"");
+            let message = format!("`{name}` is not a path of a text index; for all strings, take \"$**\"");
             Err(QueryError::invalid(CANNOT_CREATE, message).about(name))
         }
     }

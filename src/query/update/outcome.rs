@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use bson::{Bson, DateTime};
 
-/// MongoDB's code PathNotViable: a path leads through a value that is no document.
+/// MongoDB's code PathNotViable: a path leads through a value that is not a document.
 pub(super) const PATH_NOT_VIABLE: i32 = 28;
 
 /// What an action does to the value at its path.

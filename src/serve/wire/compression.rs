@@ -41,7 +41,7 @@ fn inflate(packed: &[u8], length: usize) -> Result<Vec<u8>, WireError> {
     let mut unpacked = Vec::new();
     let limit = u64::try_from(length).unwrap_or(u64::MAX).saturating_add(1);
     let read = ZlibDecoder::new(packed).take(limit).read_to_end(&mut unpacked);
-    read.map_err(|error| WireError::malformed(format!("it is no zlib: {error}")))?;
+    read.map_err(|error| WireError::malformed(format!("it is not zlib data: {error}")))?;
     Ok(unpacked)
 }
 

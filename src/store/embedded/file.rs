@@ -241,7 +241,7 @@ fn may_log(path: &Path) -> bool {
     !path.exists() || may(folder) || may(Path::new(&log))
 }
 
-/// Why something that is no file cannot be a memory.
+/// Why something that is not a file cannot be a memory.
 fn special(path: &Path) -> Option<&'static str> {
     use std::os::unix::fs::FileTypeExt as _;
     let kind = match std::fs::metadata(path) {

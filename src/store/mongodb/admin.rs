@@ -77,7 +77,7 @@ impl Admin {
     /// and then it has `timeout` to answer.
     ///
     /// # Errors
-    /// Where this is no address.
+    /// Where this is not an address.
     pub fn at(address: &str, timeout: Duration) -> Result<Self, AdminError> {
         let silent = |error: &mongodb::error::Error| AdminError::Silent(failure::explain(address, error));
         let host = ServerAddress::parse(address).map_err(|error| silent(&error))?;

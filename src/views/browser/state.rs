@@ -241,7 +241,7 @@ impl<'a> Browser<'a> {
         Ok(())
     }
 
-    /// Takes what was typed; what is no query stays to be corrected.
+    /// Takes what was typed; what is not a query stays to be corrected.
     fn answer(&mut self) -> Result<(), StoreError> {
         let (Some(prompt), Some(Screen::Documents(documents))) = (&self.prompt, self.screens.last_mut()) else {
             return Ok(());

@@ -64,7 +64,7 @@ fn a_slot_is_found_by_a_key_with_underscores() {
     ");
     assert_run!(lab.rmem_with(&export, "{relation: 'domain-fact', 'param-values': ['r1'], param_values: ['r2']}"), @r"
     ------- stderr -------
-    error: <stdin>:1:1: the key `param_values` is no slot of `domain-fact`; expected name, param-values, sync-id
+    error: <stdin>:1:1: the key `param_values` is not a slot of `domain-fact`; expected name, param-values, sync-id
       |
     1 | {relation: 'domain-fact', 'param-values': ['r1'], param_values: ['r2']}
       | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^

@@ -111,7 +111,7 @@ fn what_a_configured_planner_lacks_is_refused_with_the_line() {
     lab.write("rmem.toml", &modest("'numbers'"));
     assert_run!(lab.rmem(&[&task[..], &["--planner", "modest"]].concat()), @r"
     ------- stderr -------
-    error: $LAB/rmem.toml:4:10: `numbers` is no feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers, other-metrics
+    error: $LAB/rmem.toml:4:10: `numbers` is not a feature of PDDL; expected one of typing, equality, negative-preconditions, disjunctive-preconditions, existential-preconditions, universal-preconditions, conditional-effects, derived-predicates, action-costs, numeric-fluents, object-fluents, durative-actions, duration-inequalities, continuous-effects, timed-initial-literals, preferences, constraints, action-variables, fractional-numbers, other-metrics
       |
     4 | lacks = ['numbers']
       |          ^^^^^^^^^

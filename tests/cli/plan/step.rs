@@ -39,11 +39,11 @@ fn steps_are_noted_with_their_times() {
     [exit code: 2]
     $ rmem plan step last --done -- x
     ------- stderr -------
-    error: `x` is no step; expected a number from 1, an action like '(pick A)', or `next`
+    error: `x` is not a step; expected a number from 1, an action like '(pick A)', or `next`
     [exit code: 2]
     $ rmem plan step last --done -- -1
     ------- stderr -------
-    error: `-1` is no step; expected a number from 1, an action like '(pick A)', or `next`
+    error: `-1` is not a step; expected a number from 1, an action like '(pick A)', or `next`
     [exit code: 2]
     ");
     assert_run!(lab.rmem(&["plan", "step", "last", "1"]), @r"

@@ -70,7 +70,7 @@ fn two_objects_of_one_name_and_frames_in_a_circle_are_errors() {
     lab.rmem(&["insert", "robmem.things", &object(1, "map"), &object(2, "map")]).success();
     assert_run!(lab.rmem(&["scene", "export", "robmem.things", "--frame", "map"]), @r"
     ------- stderr -------
-    error: the document of robmem.things with _id 2 is no object of a scene: there is another object with the name `a`; correct it, or leave it out with --skip-invalid
+    error: the document of robmem.things with _id 2 is not an object of a scene: there is another object with the name `a`; correct it, or leave it out with --skip-invalid
     [exit code: 3]
     ");
     let frame = |frame: &str, parent: &str| {
@@ -80,13 +80,13 @@ fn two_objects_of_one_name_and_frames_in_a_circle_are_errors() {
     lab.rmem(&["insert", "robmem.other", &object(3, "x")]).success();
     assert_run!(lab.rmem(&["scene", "export", "robmem.other", "--frame", "map"]), @r"
     ------- stderr -------
-    error: the frames of robmem.frames are no tree: x → y → x; the parents of a frame have to end at one without a parent
+    error: the frames of robmem.frames are not a tree: x → y → x; the parents of a frame have to end at one without a parent
     [exit code: 3]
     ");
     lab.rmem(&["insert", "robmem.more", &object(4, "map")]).success();
     assert_run!(lab.rmem(&["scene", "export", "robmem.more", "--frame", "x"]), @r"
     ------- stderr -------
-    error: the frames of robmem.frames are no tree: x → y → x; the parents of a frame have to end at one without a parent
+    error: the frames of robmem.frames are not a tree: x → y → x; the parents of a frame have to end at one without a parent
     [exit code: 3]
     ");
     let skipped =
@@ -97,7 +97,7 @@ fn two_objects_of_one_name_and_frames_in_a_circle_are_errors() {
       "objects": []
     }
     ------- stderr -------
-    warning: left out: the document of robmem.other with _id 3 is no object of a scene: the frames of robmem.frames are no tree: x → y → x
+    warning: left out: the document of robmem.other with _id 3 is not an object of a scene: the frames of robmem.frames are not a tree: x → y → x
     [exit code: 0]
     "#);
 }

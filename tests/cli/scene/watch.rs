@@ -168,7 +168,7 @@ fn of_two_objects_with_one_name_the_other_is_left_out_until_the_first_is_gone() 
     let twin = "{_id: 7, name: 'red-cup', frame: 'map', translation: [0, 0, 0], rotation: [0, 0, 0, 1]}";
     kitchen.rmem(&["insert", OBJECTS, twin]).success();
     let messages = assert_quiet(&kitchen).stderr;
-    let reason = "with _id 7 is no object of a scene: there is another object with the name `red-cup`";
+    let reason = "with _id 7 is not an object of a scene: there is another object with the name `red-cup`";
     assert!(messages.contains(reason), "{messages}");
     kitchen.rmem(&["delete", OBJECTS, "{_id: 'red-cup'}"]).success();
     let mut expected = all("add", &["red-cup"]);

@@ -150,7 +150,7 @@ pub(super) const KNOWN: &[Known] = &[
         },
     },
     Known {
-        what: "Decimals beside doubles, and dates beside what is no number, in `$add`: mongod 6.0.5 takes doubles exactly and \
+        what: "Decimals beside doubles, and dates beside what is not a number, in `$add`: mongod 6.0.5 takes doubles exactly and \
                gives the first of all dates, later versions take 15 digits and refuse",
         holds: |difference| {
             let near = |a: &Bson, b: &Bson| match (a, b) {

@@ -48,7 +48,7 @@ fn with<T>(
     work(table.document(address).map_err(Failure::wrong)?)
 }
 
-/// As in Fawkes, a text that is no document gives an empty one, with a message.
+/// As in Fawkes, a text that is not a document gives an empty one, with a message.
 fn read(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let document = match parse(arguments.text(1)?) {
         Err(Failure::Declined(message)) => {
@@ -172,7 +172,7 @@ fn get(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<V
 fn get_array(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     match value(state, arguments)?.ok_or_else(|| missing(arguments))? {
         array @ Bson::Array(_) => Ok(exchange::to_value(&array, &mut state.table.borrow_mut())),
-        _ => Err(Failure::Declined(format!("`{}` is no array", arguments.text(2)?))),
+        _ => Err(Failure::Declined(format!("`{}` is not an array", arguments.text(2)?))),
     }
 }
 
@@ -180,6 +180,6 @@ fn get_time(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Res
     match value(state, arguments)?.ok_or_else(|| missing(arguments))? {
         Bson::DateTime(date) => Ok(exchange::time(date.timestamp_millis())),
         Bson::Timestamp(time) => Ok(exchange::time(i64::from(time.time) * 1_000)),
-        _ => Err(Failure::Declined(format!("`{}` is no date", arguments.text(2)?))),
+        _ => Err(Failure::Declined(format!("`{}` is not a date", arguments.text(2)?))),
     }
 }

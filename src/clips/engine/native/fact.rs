@@ -53,7 +53,7 @@ impl Environment {
         for (name, value) in changes {
             match slots.iter_mut().find(|(slot, _)| slot == name) {
                 Some(slot) => slot.1 = value.clone(),
-                None => return Err(format!("`{name}` is no slot of the fact")),
+                None => return Err(format!("`{name}` is not a slot of the fact")),
             }
         }
         self.build(&self.template_of(fact), &slots, Some(fact))
@@ -191,7 +191,7 @@ impl Environment {
 fn complaint(error: sys::PutSlotError, template: &str, slot: &str) -> Option<String> {
     let what = match error {
         sys::PutSlotError_PSE_NO_ERROR => return None,
-        sys::PutSlotError_PSE_SLOT_NOT_FOUND_ERROR => return Some(format!("`{slot}` is no slot of `{template}`")),
+        sys::PutSlotError_PSE_SLOT_NOT_FOUND_ERROR => return Some(format!("`{slot}` is not a slot of `{template}`")),
         sys::PutSlotError_PSE_TYPE_ERROR => "its value is of a type that the slot does not take",
         sys::PutSlotError_PSE_RANGE_ERROR => "its value is out of the slot's range",
         sys::PutSlotError_PSE_ALLOWED_VALUES_ERROR => "its value is none of the slot's allowed values",

@@ -254,7 +254,7 @@ impl Reader<'_> {
         }
         if self.is_whole && operation != ADD {
             return Err(format!(
-                "`{name}` has the operation {operation} in a scene that is no difference; expected `is_diff`"
+                "`{name}` has the operation {operation} in a scene that is not a difference; expected `is_diff`"
             ));
         }
         let is_bare = object.primitives.is_empty() && object.meshes.is_empty() && object.planes.is_empty();

@@ -32,7 +32,7 @@ const DATABASE: &str = "SQLite format 3\0";
 /// How many bytes are examined to recognise a text.
 const LOOK: usize = 512;
 
-/// How many bytes of a text that is no world file are examined for what it is.
+/// How many bytes of a text that is not a world file are examined for what it is.
 const LONGEST_START: u64 = 64 << 10;
 
 /// The documents of a dump, each checked.
@@ -117,7 +117,7 @@ impl Dump {
     /// Reads a world file of a pipe, which can be read only once, into memory; `name` is for messages.
     ///
     /// # Errors
-    /// Where it cannot be read, or is no world file: the other dumps are read several times.
+    /// Where it cannot be read, or is not a world file: the other dumps are read several times.
     pub fn stream(name: &str, mut stream: impl BufRead) -> Result<Self, ReadError> {
         let mut bytes = Vec::new();
         let read = stream.read_to_end(&mut bytes);
@@ -407,7 +407,7 @@ fn start(path: &Path) -> Option<String> {
     Some(String::from_utf8_lossy(&head).into_owned())
 }
 
-/// The command for a text that is no world file, by how it begins: facts, or documents.
+/// The command for a text that is not a world file, by how it begins: facts, or documents.
 fn other_reader(head: &str, file: &str) -> Option<String> {
     let head = head.trim_start_matches('\u{FEFF}').trim_start();
     let first = head.strip_prefix('{').and_then(|rest| rest.split_once(':'));
