@@ -174,9 +174,6 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
         {
             Some(tip)
         }
-        number if is_negative(number) && is_of("query") => {
-            Some("all documents are printed without '--limit'".to_owned())
-        }
         "--all" if is_of("update") => Some("'--many' changes all documents that match".to_owned()),
         "--query" | "--filter" | "--where" if usage.contains("QUERY") => {
             Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())
@@ -217,6 +214,7 @@ fn of_negative(number: &str, args: &[OsString]) -> Option<String> {
     let positive = value.trim_start_matches('-');
     Some(match option {
         "--at" | "--since" => format!("a time that is past has no sign: {option} {positive}"),
+        "--limit" => "all documents are printed without '--limit'".to_owned(),
         _ if value.parse::<f64>().is_ok() => format!("'{option}' takes no negative number"),
         _ => format!("'{option}' takes no negative value"),
     })

@@ -315,7 +315,7 @@ fn a_run_whose_oldest_changes_are_not_kept_is_taken_back_only_where_that_is_aske
         let update = format!("{{$set: {{n: {n}}}}}");
         lab.rmem(&["update", NS, "{_id: {$lt: 200}}", &update, "--many"]).success();
     }
-    assert_eq!(lab.rmem(&["undo", NS, "--last", "5", "--dry-run"]).success().lines().count(), 1);
+    assert_eq!(lab.rmem(&["undo", NS, "--last", "5", "--dry-run"]).success().lines().count(), 201);
     let by = ["undo", NS, "--by", "rmem update"];
     assert!(lab.rmem(&by).exits(1).stderr.contains("--partial"));
     let kept = history(&lab, &[]).len();

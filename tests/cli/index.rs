@@ -346,7 +346,10 @@ fn wildcard_indexes_are_listed_and_answered_by_a_scan() {
     assert_eq!(hinted("{relation: 'on-table'}").success(), "2\n");
     assert_run!(hinted("{}"), @r"
     ------- stderr -------
-    error: the hint names a wildcard index, and the query asks for none of its paths
+    error: <hint>:1:1: the hint names a wildcard index, and the query asks for none of its paths
+      |
+    1 | $**_1
+      | ^^^^^
     [exit code: 3]
     ");
     assert_run!(lab.rmem(&["index", "robmem.worldmodel", "{'$**': 1}", "--unique", "--name", "u"]), @r"

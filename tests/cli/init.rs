@@ -22,7 +22,7 @@ fn init_makes_a_project_that_plans_two_commands_later() {
         "{run}"
     );
     let doctor = lab.shell("cd delivery && rmem doctor --domain domain.pddl --template problem.pddl.j2").exits(0);
-    assert!(doctor.stdout.contains("template problem.pddl.j2: ok"), "{doctor}");
+    assert!(doctor.stdout.contains("template   problem.pddl.j2: ok"), "{doctor}");
 }
 
 #[test]
