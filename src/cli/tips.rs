@@ -174,6 +174,9 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
         {
             Some(tip)
         }
+        number if is_negative(number) && is_of("query") => {
+            Some("all documents are printed without '--limit'".to_owned())
+        }
         "--all" if is_of("update") => Some("'--many' changes all documents that match".to_owned()),
         "--query" | "--filter" | "--where" if usage.contains("QUERY") => {
             Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())

@@ -15,7 +15,7 @@ fn a_negative_value_of_an_option_gets_a_tip_about_that_option() {
     let lab = Lab::empty();
     for (line, tip) in [
         ("query a.b --skip -1", "'--skip' takes no negative number"),
-        ("query a.b --limit -1", "'--limit' takes no negative number"),
+        ("query a.b --limit -1", "all documents are printed without '--limit'"),
         ("query a.b --at -29m", "a time that is past has no sign: --at 29m"),
         ("history a.b --since -10m", "a time that is past has no sign: --since 10m"),
         ("lock t --owner r --wait -1s", "'--wait' takes no negative value"),
