@@ -478,7 +478,7 @@ fn names_and_shapes_that_a_format_cannot_express_are_refused() {
     let cone = || object("cone", Solid::Cone { radius: 1.0, length: 1.0 });
     for (format, object, words) in [
         ("moveit", ball(" cup"), "begins or ends with a blank"),
-        ("moveit", ball("a\nb"), "no single line"),
+        ("moveit", ball("a\nb"), "not a single line"),
         ("mjcf", ball("a\u{1}"), "which XML cannot express"),
         ("mjcf", object("a", mesh("a\u{1}.stl")), "its mesh has the character \\u{1}"),
         ("urdf", Object { model: Some("\u{2}".into()), ..ball("a") }, "its model has the character \\u{2}"),
