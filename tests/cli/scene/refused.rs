@@ -144,8 +144,8 @@ fn a_collection_whose_name_ends_like_a_file_is_compared_where_there_is_no_such_f
     kitchen.lab.write("robmem.scene", "nothing");
     let file = kitchen.rmem(&["scene", "diff", "s.json", "robmem.scene", "--frame", "map"]).exits(3);
     assert!(file.stderr.contains("robmem.scene:1:1"), "{file}");
-    let typo = kitchen.rmem(&["scene", "diff", "s.json", "befor.scene", "--frame", "map"]).exits(3);
-    assert!(typo.stderr.contains("cannot read befor.scene"), "{typo}");
+    let typo = kitchen.rmem(&["scene", "diff", "s.json", "earlier.scene", "--frame", "map"]).exits(3);
+    assert!(typo.stderr.contains("cannot read earlier.scene"), "{typo}");
     kitchen.rmem(&["insert", "robmem.half", "{name: 'cup', frame: 'map', translation: [0, 0, 1]}"]).success();
     let half = kitchen.rmem(&["scene", "export", "robmem.half", "--frame", "map"]).exits(3);
     assert!(half.stderr.contains("has no `rotation`; expected 4 finite numbers"), "{half}");
