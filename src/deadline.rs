@@ -1,19 +1,23 @@
 //! Until when work in a thread may take: stores look at it between documents.
 
 use std::cell::Cell;
-use std::time::{Duration, Instant};
+#[cfg(any(feature = "mongodb", test))]
+use std::time::Duration;
+use std::time::Instant;
 
 thread_local! {
     static UNTIL: Cell<Option<Instant>> = const { Cell::new(None) };
 }
 
 /// While it lives, work of stores in this thread fails once its time has come.
+#[cfg(any(feature = "serve", test))]
 #[derive(Debug)]
 pub(crate) struct Deadline {
     /// The one that was in effect before.
     before: Option<Instant>,
 }
 
+#[cfg(any(feature = "serve", test))]
 impl Deadline {
     /// Sets the deadline of this thread; `None` is none.
     pub(crate) fn set(until: Option<Instant>) -> Self {
@@ -21,6 +25,7 @@ impl Deadline {
     }
 }
 
+#[cfg(any(feature = "serve", test))]
 impl Drop for Deadline {
     fn drop(&mut self) {
         UNTIL.set(self.before);
@@ -33,6 +38,7 @@ pub(crate) fn has_passed() -> bool {
 }
 
 /// How long it is until the deadline of this thread, where there is one.
+#[cfg(any(feature = "mongodb", test))]
 pub(crate) fn left() -> Option<Duration> {
     UNTIL.get().map(|until| until.saturating_duration_since(Instant::now()))
 }

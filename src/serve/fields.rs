@@ -30,6 +30,11 @@ const GENERIC: [&str; 20] = [
     "writeConcern",
 ];
 
+/// A number as MongoDB writes it in replies: of 32 bits where it fits.
+pub(super) fn number(value: i64) -> Bson {
+    i32::try_from(value).map_or(Bson::Int64(value), Bson::Int32)
+}
+
 /// The fields of a command, or of a document in one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fields<'a> {

@@ -6,6 +6,7 @@ use super::definition::raw;
 use super::handshake::VERSION;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
+use crate::serve::fields::{number, whole};
 use crate::serve::host::Host;
 use crate::store::{Find, Namespace};
 
@@ -28,7 +29,7 @@ pub(super) fn explained(
     is_run: bool,
 ) -> Result<Document, Failure> {
     let explained = call.access(host.memory()?).explain(ns, find)?;
-    let number = |name: &str| explained.get(name).cloned().unwrap_or(Bson::Int64(0));
+    let counted = |name: &str| number(explained.get(name).and_then(whole).unwrap_or_default());
     let plan = plan(&explained, find);
     let mut reply = doc! {
         "explainVersion": "1",
@@ -42,15 +43,15 @@ pub(super) fn explained(
     };
     if is_run {
         let mut stages = plan;
-        stages.insert("nReturned", number("returned"));
+        stages.insert("nReturned", counted("returned"));
         reply.insert(
             "executionStats",
             doc! {
                 "executionSuccess": true,
-                "nReturned": number("returned"),
-                "executionTimeMillis": i64::try_from(call.request.since.elapsed().as_millis()).unwrap_or(i64::MAX),
-                "totalKeysExamined": number("keys_examined"),
-                "totalDocsExamined": number("documents_examined"),
+                "nReturned": counted("returned"),
+                "executionTimeMillis": number(i64::try_from(call.request.since.elapsed().as_millis()).unwrap_or(i64::MAX)),
+                "totalKeysExamined": counted("keys_examined"),
+                "totalDocsExamined": counted("documents_examined"),
                 "executionStages": stages,
             },
         );

@@ -7,6 +7,7 @@ use bson::{Bson, DateTime, Document, doc};
 use super::definition::{Command, raw};
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::number;
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::TRANSACTION_LIMIT;
@@ -36,9 +37,9 @@ fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
         "uptimeMillis": i64::try_from(server.since.elapsed().as_millis()).unwrap_or(i64::MAX),
         "localTime": DateTime::now(),
         "connections": {
-            "current": size(connected),
-            "available": size(server.options.connections.saturating_sub(connected)),
-            "totalCreated": count(&counters.connections),
+            "current": number(size(connected)),
+            "available": number(size(server.options.connections.saturating_sub(connected))),
+            "totalCreated": number(count(&counters.connections)),
         },
         "metrics": { "cursor": { "open": { "total": size(server.cursors.count()) } } },
         "network": {

@@ -7,7 +7,7 @@ use crate::memory::{Listed, Memory};
 use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
-use crate::serve::fields::{Fields, whole};
+use crate::serve::fields::{Fields, number, whole};
 use crate::serve::host::Host;
 use crate::store::{Namespace, Store};
 
@@ -25,8 +25,8 @@ fn size(memory: &Memory, ns: &Namespace) -> Result<Size, Failure> {
     let sums = doc! { "$group": { "_id": Bson::Null, "count": { "$sum": 1 }, "bytes": { "$sum": { "$bsonSize": "$$ROOT" } } } };
     let Some(found) = store.aggregate(ns, (&[sums]).into())?.next().transpose()? else { return Ok(Size::default()) };
     let found = Document::try_from(&*found).map_err(QueryError::from)?;
-    let number = |name: &str| found.get(name).and_then(whole).unwrap_or_default();
-    Ok(Size { count: number("count"), bytes: number("bytes") })
+    let sum = |name: &str| found.get(name).and_then(whole).unwrap_or_default();
+    Ok(Size { count: sum("count"), bytes: sum("bytes") })
 }
 
 /// The bytes of the documents of some collections; views have none of their own.
@@ -41,21 +41,21 @@ pub(super) fn bytes(memory: &Memory, collections: &[Namespace]) -> Result<i64, F
 fn described(store: &dyn Store, ns: &Namespace, size: Size, scale: i64) -> Result<Document, Failure> {
     let indexes = store.indexes(ns)?;
     let average = if size.count > 0 { size.bytes / size.count } else { 0 };
-    let sizes: Document = indexes.iter().map(|index| (index.name.clone(), Bson::Int64(0))).collect();
+    let sizes: Document = indexes.iter().map(|index| (index.name.clone(), Bson::Int32(0))).collect();
     Ok(doc! {
-        "size": size.bytes / scale,
-        "count": size.count,
-        "avgObjSize": average,
+        "size": number(size.bytes / scale),
+        "count": number(size.count),
+        "avgObjSize": number(average),
         "numOrphanDocs": 0,
-        "storageSize": size.bytes / scale,
-        "freeStorageSize": 0_i64,
+        "storageSize": number(size.bytes / scale),
+        "freeStorageSize": 0,
         "capped": false,
         "nindexes": i32::try_from(indexes.len()).unwrap_or(i32::MAX),
         "indexBuilds": Bson::Array(Vec::new()),
-        "totalIndexSize": 0_i64,
-        "totalSize": size.bytes / scale,
+        "totalIndexSize": 0,
+        "totalSize": number(size.bytes / scale),
         "indexSizes": sizes,
-        "scaleFactor": scale,
+        "scaleFactor": number(scale),
     })
 }
 
@@ -100,16 +100,16 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     let double = |number: i64| number as f64;
     raw(&doc! {
         "db": &call.request.database,
-        "collections": i64::try_from(all.len()).unwrap_or(i64::MAX) - views,
-        "views": views,
-        "objects": sum.count,
+        "collections": number(i64::try_from(all.len()).unwrap_or(i64::MAX) - views),
+        "views": number(views),
+        "objects": number(sum.count),
         "avgObjSize": if sum.count > 0 { double(sum.bytes) / double(sum.count) } else { 0.0 },
         "dataSize": double(sum.bytes / scale),
         "storageSize": double(sum.bytes / scale),
-        "indexes": i64::try_from(indexes).unwrap_or(i64::MAX),
+        "indexes": number(i64::try_from(indexes).unwrap_or(i64::MAX)),
         "indexSize": 0.0,
         "totalSize": double(sum.bytes / scale),
-        "scaleFactor": scale,
+        "scaleFactor": double(scale),
         "fsUsedSize": 0.0,
         "fsTotalSize": 0.0,
     })
@@ -131,7 +131,7 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
     }
     if fields.document("count")?.is_some() {
         let count = call.access(memory).count(ns, (&Document::new()).into())?;
-        document.insert("count", i32::try_from(count).map_or(Bson::Int64(count.cast_signed()), Bson::Int32));
+        document.insert("count", number(count.cast_signed()));
     }
     if let Some(latency) = fields.document("latencyStats")? {
         Fields::new("$collStats.latencyStats", latency).known_inside(&["histograms"])?;
