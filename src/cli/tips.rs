@@ -168,15 +168,8 @@ fn with_option(mut error: Error, args: &[OsString]) -> Error {
                 flags.iter().filter(|(name, _)| options.contains(name)).map(|(_, flag)| *flag).collect();
             (!flags.is_empty()).then(|| format!("write:{flags}"))
         }
-        number
-            if is_negative(number)
-                && let Some(tip) = of_negative(number, args) =>
-        {
-            Some(tip)
-        }
-        number if is_negative(number) && is_of("query") => {
-            Some("all documents are printed without '--limit'".to_owned())
-        }
+        number if is_negative(number) => of_negative(number, args)
+            .or_else(|| is_of("query").then(|| "all documents are printed without '--limit'".to_owned())),
         "--all" if is_of("update") => Some("'--many' changes all documents that match".to_owned()),
         "--query" | "--filter" | "--where" if usage.contains("QUERY") => {
             Some("the query stands behind the collection, without an option: NS '{name: 1}'".to_owned())
