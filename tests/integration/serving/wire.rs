@@ -51,7 +51,7 @@ pub(super) fn status(wire: &mut Wire, part: &str) -> Result<Document, Failed> {
 
 /// How many clients are connected.
 pub(super) fn connected(wire: &mut Wire) -> Result<i64, Failed> {
-    Ok(status(wire, "connections")?.get_i64("current")?)
+    Ok(status(wire, "connections")?.get_i32("current")?.into())
 }
 
 /// A command as OP_MSG.
