@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 99] = [
+const NAMES: [(i32, &str); 98] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -100,17 +100,17 @@ const NAMES: [(i32, &str); 99] = [
     (322, "APIVersionError"),
     (334, "MechanismUnavailable"),
     (352, "UnsupportedOpQueryCommand"),
-    (13113, "MergeStageNoMatchingDocument"),
 ];
 
 /// Larger codes that have a name.
-const LARGE: [(i32, &str); 9] = [
+const LARGE: [(i32, &str); 10] = [
     (9001, "SocketException"),
     (10_107, "NotWritablePrimary"),
     (10_334, "BSONObjectTooLarge"),
     (11_000, "DuplicateKey"),
     (11_600, "InterruptedAtShutdown"),
     (11_601, "Interrupted"),
+    (13_113, "MergeStageNoMatchingDocument"),
     (13_388, "StaleConfig"),
     (14_031, "OutOfDiskSpace"),
     (50_768, "NotARetryableWriteCommand"),

@@ -1,6 +1,6 @@
 //! Errors of commands, as clients get them.
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc, rawdoc};
 
 use super::code;
 use super::files::Moved;
@@ -29,8 +29,10 @@ pub(super) mod codes {
     pub(in crate::serve) const INDEX_EXISTS: i32 = 68;
     pub(in crate::serve) const INVALID_OPTIONS: i32 = 72;
     pub(in crate::serve) const INVALID_NAMESPACE: i32 = 73;
+    pub(in crate::serve) const UNKNOWN_MODE: i32 = 79;
     pub(in crate::serve) const SHUTDOWN: i32 = 91;
     pub(in crate::serve) const FAILED: i32 = 96;
+    pub(in crate::serve) const UNSATISFIABLE_CONCERN: i32 = 100;
     pub(in crate::serve) const WRITE_CONFLICT: i32 = 112;
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
@@ -46,6 +48,7 @@ pub(super) mod codes {
     pub(in crate::serve) const COMMITTED: i32 = 256;
     pub(in crate::serve) const INVALID_TOKEN: i32 = 260;
     pub(in crate::serve) const NOT_IN_TRANSACTION: i32 = 263;
+    pub(in crate::serve) const UNSATISFIABLE_QUORUM: i32 = 278;
     pub(in crate::serve) const STREAM_FATAL: i32 = 280;
     pub(in crate::serve) const HISTORY_LOST: i32 = 286;
     pub(in crate::serve) const API_VERSION: i32 = 322;
@@ -99,6 +102,12 @@ impl Failure {
         Self::new(codes::NOT_SUPPORTED, format!("{what} is not supported by rmem"))
     }
 
+    /// Who is to confirm a write is said by the name of a mode, of which there is none.
+    pub(super) fn no_mode(mode: &str) -> Self {
+        let message = format!("No write concern mode named '{mode}' found in replica set configuration");
+        Self::new(codes::UNKNOWN_MODE, message)
+    }
+
     /// The answer to a command that failed.
     pub(super) fn reply(&self) -> Document {
         let mut reply = doc! {
@@ -112,6 +121,11 @@ impl Failure {
             reply.insert("errorLabels", self.labels.clone());
         }
         reply
+    }
+
+    /// What an answer says of a write that was done, and not confirmed as asked.
+    pub(super) fn concern_error(&self) -> RawDocumentBuf {
+        rawdoc! { "code": self.code, "codeName": code::name(self.code), "errmsg": self.message.as_str() }
     }
 
     /// The failure of one statement of several.

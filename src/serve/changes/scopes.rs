@@ -51,8 +51,7 @@ impl Scopes {
     pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp) -> bool {
         let age = DateTime::now().timestamp_millis() - clock::date(time).timestamp_millis();
         let since = self.lock().get(scope).and_then(|watched| watched.since);
-        since.is_some_and(|since| (time.time, time.increment) < (since.time, since.increment))
-            || u128::try_from(age).is_ok_and(|age| age > AGE.as_millis())
+        since.is_some_and(|since| time < since) || u128::try_from(age).is_ok_and(|age| age > AGE.as_millis())
     }
 
     /// Notes that a stream reads a scope.

@@ -4,7 +4,7 @@ use bson::{Document, doc};
 
 use super::definition::Command;
 use super::update::is_of_command;
-use super::write::{COMMON, Outcome, check_repeatable, is_ordered, statements};
+use super::write::{COMMON, Outcome, changes, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -18,11 +18,8 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
     let (ordered, mut outcome) = (is_ordered(call)?, Outcome::default());
-    let statements = statements(fields, "deletes")?;
-    let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("delete.deletes", one)).collect();
-    for statement in &statements {
-        check_repeatable(call, !is_of_one(*statement)?)?;
-    }
+    let is_many = |statement| Ok(!is_of_one(statement)?);
+    let statements = changes(call, ("deletes", "delete.deletes"), is_many)?;
     for (index, statement) in statements.into_iter().enumerate() {
         match delete_one(memory, call, &ns, statement, &variables) {
             Ok(count) => outcome.n += count,

@@ -99,14 +99,12 @@ fn check_quorum(fields: Fields<'_>) -> Result<(), Failure> {
     match fields.document.get("commitQuorum") {
         None => Ok(()),
         Some(Bson::String(mode)) if mode == "majority" || mode == "votingMembers" => Ok(()),
-        Some(Bson::String(mode)) => {
-            let message = format!("No write concern mode named '{mode}' found in replica set configuration");
-            Err(Failure::new(79, message))
-        }
+        Some(Bson::String(mode)) => Err(Failure::no_mode(mode)),
         Some(_) => match fields.whole("commitQuorum")? {
             None | Some(0 | 1) => Ok(()),
             Some(2..=50) => {
-                Err(Failure::new(278, "Not enough data-bearing nodes to satisfy commit quorum: rmem is one member"))
+                let message = "Not enough data-bearing nodes to satisfy commit quorum: rmem is one member";
+                Err(Failure::new(codes::UNSATISFIABLE_QUORUM, message))
             }
             Some(_) => {
                 let message = "commitQuorum has to be a non-negative number and not greater than 50";

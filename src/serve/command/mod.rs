@@ -80,8 +80,11 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    let (confirmation, home) = (request.confirmation, home(&request));
-    let (mode, is_abort) = (request.mode(), request.name == "abortTransaction");
+    let confirmation = request.confirmation;
+    // An abort writes nothing that could be confirmed.
+    let is_confirmed_by = |asked| confirmation == asked && request.name != "abortTransaction";
+    let mode = is_confirmed_by(Confirmation::Mode).then(|| request.mode());
+    let written_to = is_confirmed_by(Confirmation::Others).then(|| home(&request));
     let unconfirmed = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
@@ -91,22 +94,19 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
         return Ok(unconfirmed);
     }
-    // An abort writes nothing that could be confirmed.
-    if confirmation == Confirmation::Mode && !is_abort {
-        let message = format!("No write concern mode named '{mode}' found in replica set configuration");
-        let error = rawdoc! { "code": 79, "codeName": "UnknownReplWriteConcern", "errmsg": message };
-        reply.append(cstr!("writeConcernError"), error);
+    if let Some(mode) = mode {
+        reply.append(cstr!("writeConcernError"), Failure::no_mode(&mode).concern_error());
     }
-    if confirmation == Confirmation::Others && !is_abort {
-        let message = match host.memory()?.is_current(&home)? {
+    if let Some(ns) = written_to {
+        let message = match host.memory()?.is_current(&ns)? {
             true => "Not enough data-bearing nodes: rmem is one member",
             false => {
                 "it was written as the URI of --memory says, by default to a majority of the members: the write concern of \
                  a client is not passed on to them"
             }
         };
-        let error = rawdoc! { "code": 100, "codeName": "UnsatisfiableWriteConcern", "errmsg": message };
-        reply.append(cstr!("writeConcernError"), error);
+        let failure = Failure::new(codes::UNSATISFIABLE_CONCERN, message);
+        reply.append(cstr!("writeConcernError"), failure.concern_error());
     }
     Ok(reply)
 }

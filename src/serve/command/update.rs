@@ -3,7 +3,7 @@
 use bson::{Bson, Document, doc};
 
 use super::definition::Command;
-use super::write::{COMMON, Outcome, check_repeatable, is_ordered, statements};
+use super::write::{COMMON, Outcome, changes, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -18,11 +18,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let variables = fields.document_or_empty("let")?;
     let ordered = is_ordered(call)?;
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
-    let statements = statements(fields, "updates")?;
-    let statements: Vec<_> = statements.into_iter().map(|one| Fields::new("update.updates", one)).collect();
-    for statement in &statements {
-        check_repeatable(call, statement.flag("multi")?)?;
-    }
+    let statements = changes(call, ("updates", "update.updates"), |statement| statement.flag("multi"))?;
     for (index, statement) in statements.into_iter().enumerate() {
         match update_one(memory, call, &ns, statement, &variables) {
             Ok(updated) => {

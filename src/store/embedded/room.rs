@@ -9,7 +9,7 @@ use rustix::fs::statvfs;
 
 use super::place::Place;
 use super::{Embedded, failure};
-use crate::store::StoreError;
+use crate::store::{Store as _, StoreError};
 
 /// With less than this many bytes, the disk is nearly full: twice the size at which the log is folded into the file anyway.
 const LITTLE: u64 = 8 << 20;
@@ -55,7 +55,7 @@ impl Embedded {
             return Ok(());
         };
         // Another process may read the log; then it is cut another time.
-        let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+        let _ = self.fold();
         if self.is_deleting() {
             return Ok(());
         }

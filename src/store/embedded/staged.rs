@@ -3,9 +3,10 @@
 
 use std::time::Instant;
 
-use bson::Document;
+use bson::{Document, RawDocument};
 
 use super::Embedded;
+use super::catalog::Collection;
 use super::output::Results;
 use super::place::Place;
 use super::slices::PAUSE;
@@ -27,7 +28,7 @@ impl Embedded {
         let replaced = self.stage(ns, &staged, results).and_then(|indexes| self.swap(&staged, ns, &indexes));
         if replaced.is_err() {
             // The error that is returned says also why it could not be removed.
-            let _ = self.write(|| self.collection(&staged)?.map_or(Ok(()), |staged| self.erase_collection(staged)));
+            let _ = self.unstage(&staged);
         }
         replaced.map_err(|error| about(ns, error))
     }
@@ -38,10 +39,14 @@ impl Embedded {
         self.note_drop(ns, collection)?;
         self.clear(collection)?;
         for result in results {
-            let (id, body) = document::settle(Document::try_from(&*result?).map_err(QueryError::from)?)?;
-            self.add(ns, collection, &id, &body)?;
+            self.add_result(ns, collection, &result?)?;
         }
         Ok(())
+    }
+
+    fn add_result(&self, ns: &Namespace, collection: Collection, result: &RawDocument) -> Result<(), StoreError> {
+        let (id, body) = document::settle(Document::try_from(result).map_err(QueryError::from)?)?;
+        self.add(ns, collection, &id, &body)
     }
 
     /// Fills a collection that is like another one; returns the indexes of both.
@@ -56,8 +61,7 @@ impl Embedded {
             self.write(|| {
                 let (start, slice, collection) = (Instant::now(), self.slice(), self.ensure(staged)?);
                 for result in &mut results {
-                    let (id, body) = document::settle(Document::try_from(&*result?).map_err(QueryError::from)?)?;
-                    self.add(staged, collection, &id, &body)?;
+                    self.add_result(staged, collection, &result?)?;
                     if start.elapsed() >= slice {
                         break;
                     }
@@ -80,11 +84,16 @@ impl Embedded {
         })
     }
 
+    /// Removes a staged collection, of which no stream hears.
+    fn unstage(&self, staged: &Namespace) -> Result<(), StoreError> {
+        self.write(|| self.collection(staged)?.map_or(Ok(()), |collection| self.erase_collection(collection)))
+    }
+
     /// Removes what processes that were killed have staged in a database.
     fn sweep_staged(&self, database: &str) -> Result<(), StoreError> {
-        let all = super::catalog::Collection::all(&self.connection).map_err(|e| self.explain(&e))?;
+        let all = Collection::all(&self.connection).map_err(|e| self.explain(&e))?;
         for ns in all.iter().filter(|ns| ns.database == database && is_litter(OUT, &ns.collection)) {
-            self.write(|| self.collection(ns)?.map_or(Ok(()), |left| self.erase_collection(left)))?;
+            self.unstage(ns)?;
         }
         Ok(())
     }

@@ -349,7 +349,7 @@ impl Embedded {
             self.log.keeping.forget();
             if failure::is_of_full_disk(error) {
                 // The log is folded into the file and cut, so that there is room to delete something.
-                let _ = self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+                let _ = self.fold();
                 return Err(match self.is_deleting() {
                     true => failure::no_room_to_delete(&self.place),
                     false => failure::disk_full(&self.place),
