@@ -42,6 +42,9 @@ const OUT_OF_DISK_SPACE: i32 = 14_031;
 const FILE_FAILED: i32 = 16_821;
 
 impl QueryError {
+    /// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
+    pub const EXCEEDED_TIME_LIMIT: i32 = 50;
+
     /// Where a text has the operator that is complained about, or the first one that the message names.
     #[must_use]
     pub fn place(&self, text: &str) -> Option<Range<usize>> {
@@ -85,6 +88,12 @@ impl QueryError {
     #[must_use]
     pub fn type_mismatch(message: impl Into<String>) -> Self {
         Self::invalid(TYPE_MISMATCH, message)
+    }
+
+    /// Returns that an operation takes longer than its `maxTimeMS`.
+    #[must_use]
+    pub fn exceeded_time_limit() -> Self {
+        Self::invalid(Self::EXCEEDED_TIME_LIMIT, "operation exceeded time limit")
     }
 
     /// Returns that there is no room for temporary files.

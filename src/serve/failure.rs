@@ -23,7 +23,6 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_INDEX: i32 = 27;
     pub(in crate::serve) const NO_CURSOR: i32 = 43;
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
-    pub(in crate::serve) const TOO_LONG: i32 = 50;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
     pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
     pub(in crate::serve) const INDEX_EXISTS: i32 = 68;

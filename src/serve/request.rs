@@ -8,6 +8,7 @@ use super::failure::{Failure, codes};
 use super::fields::Fields;
 use super::origin::Origin;
 use super::session::SessionId;
+use crate::query::QueryError;
 use crate::store::Namespace;
 
 /// A command to be run.
@@ -149,7 +150,7 @@ impl Request {
 
 /// The failure of a command that takes longer than its `maxTimeMS`.
 pub(super) fn too_long() -> Failure {
-    Failure::new(codes::TOO_LONG, "operation exceeded time limit")
+    QueryError::exceeded_time_limit().into()
 }
 
 /// Refuses what is not a name of a database, whatever the command: with a dot in it, it would name a collection.

@@ -29,8 +29,6 @@ use crate::deadline;
 use crate::query::{Filter, QueryError, Sort, collation};
 use crate::store::{Hint, StoreError, metadata};
 
-/// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
-const EXCEEDED_TIME_LIMIT: i32 = 50;
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
 /// The most documents in a page.
@@ -630,7 +628,7 @@ impl Embedded {
 /// Refuses to go on where the operation has taken as long as it may.
 fn check_deadline() -> Result<(), StoreError> {
     match deadline::has_passed() {
-        true => Err(QueryError::invalid(EXCEEDED_TIME_LIMIT, "operation exceeded time limit").into()),
+        true => Err(QueryError::exceeded_time_limit().into()),
         false => Ok(()),
     }
 }

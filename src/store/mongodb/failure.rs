@@ -14,9 +14,6 @@ const DUPLICATE: i32 = 11000;
 /// What is said of a write that no majority has confirmed.
 const UNCONFIRMED: &str = "was written by the primary, but a majority of the members did not confirm it";
 
-/// The server's code for an operation that takes longer than its `maxTimeMS`.
-const EXCEEDED_TIME_LIMIT: i32 = 50;
-
 /// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
 
@@ -172,7 +169,7 @@ pub(super) fn brief(error: &Error) -> String {
 
 fn coded(address: &str, code: i32, message: &str) -> StoreError {
     // A limit that the operation itself has set is no state of the server.
-    let is_own_limit = code == EXCEEDED_TIME_LIMIT && deadline::left().is_some();
+    let is_own_limit = code == QueryError::EXCEEDED_TIME_LIMIT && deadline::left().is_some();
     if STATE.contains(&code) && !is_own_limit {
         return failed(address, format!("{message} (code {code})"));
     }
