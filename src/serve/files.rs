@@ -3,13 +3,12 @@
 //! A file that is moved or removed while it is open is written to all the same, and whoever opens its name next finds
 //! another one, or none. So each write looks at the name before it is acknowledged.
 
-use std::fs;
 use std::io::ErrorKind;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::fault::{AtFault, Fault};
+use crate::store::FileIdentity;
 
 /// A file that is served does not have its name any more.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -33,19 +32,16 @@ pub(super) struct Files(Mutex<Vec<Served>>);
 #[derive(Debug)]
 struct Served {
     path: PathBuf,
-    /// Its device and number; none as long as there is no file.
-    identity: Option<(u64, u64)>,
+    /// None as long as there is no file.
+    identity: Option<FileIdentity>,
     has_moved: bool,
 }
 
 impl Served {
     /// Looks at the name. A file that has moved once does not come back: others may have written to it since.
     fn has_moved(&mut self) -> bool {
-        match fs::metadata(&self.path) {
-            Ok(found) => {
-                let found = (found.dev(), found.ino());
-                self.has_moved |= *self.identity.get_or_insert(found) != found;
-            }
+        match FileIdentity::at(&self.path) {
+            Ok(found) => self.has_moved |= *self.identity.get_or_insert(found) != found,
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 self.has_moved |= self.identity.is_some();
             }
@@ -83,6 +79,8 @@ impl Files {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

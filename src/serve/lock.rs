@@ -9,10 +9,11 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::fault::{AtFault, Fault};
-
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
+
+use crate::fault::{AtFault, Fault};
+use crate::store::FileIdentity;
 
 /// How often a lock is tried that another process has: [`holder`] has it for a moment.
 const ATTEMPTS: u32 = 20;
@@ -142,9 +143,8 @@ fn try_lock(file: &File, operation: FlockOperation) -> io::Result<bool> {
 
 /// Whether an open file is the one at a path, and not one that was removed from there.
 fn is_at(file: &File, path: &Path) -> bool {
-    let identity = |found: fs::Metadata| (found.dev(), found.ino());
-    let named = fs::metadata(path).map(identity);
-    file.metadata().map(identity).is_ok_and(|open| named.is_ok_and(|named| named == open))
+    let Ok(open) = file.metadata() else { return false };
+    FileIdentity::at(path).is_ok_and(|named| named == FileIdentity::of(&open))
 }
 
 fn name(holder: Option<&Holder>) -> String {

@@ -14,7 +14,7 @@ use super::place::Place;
 use super::watcher::{self, State, Taken, Watcher};
 use super::{Embedded, body, change_log};
 use crate::query::QueryError;
-use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError};
+use crate::store::{Change, ChangeKind, Changes, FileIdentity, Name, Namespace, Next, StoreError};
 
 /// At most so many changes are read at once …
 const PAGE: usize = 256;
@@ -44,8 +44,8 @@ struct Feed<'a> {
     notifier: Notifier,
     heartbeat: Instant,
     path: &'a Path,
-    /// Device and inode of the file: the path may come to name another file.
-    file: Option<(u64, u64)>,
+    /// The file that is watched: the path may come to name another one.
+    file: Option<FileIdentity>,
 }
 
 impl Embedded {
@@ -86,7 +86,7 @@ impl Embedded {
             notifier,
             heartbeat: Instant::now(),
             path,
-            file: identity(path),
+            file: FileIdentity::at(path).ok(),
         };
         feed.turn()?;
         Ok(Box::new(feed))
@@ -120,12 +120,6 @@ fn refusal(taken: &Taken, name: &str) -> StoreError {
         // Not reached: a watcher of this process is not refused.
         Taken::Mine(_) => StoreError::Held { what: format!("the name `{name}` is in use") },
     }
-}
-
-/// Returns device and inode of the file that a path names.
-fn identity(path: &Path) -> Option<(u64, u64)> {
-    use std::os::unix::fs::MetadataExt as _;
-    std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()))
 }
 
 impl Feed<'_> {
@@ -197,7 +191,7 @@ impl Feed<'_> {
 
     /// Refuses to go on where the file was removed or replaced: no process writes to it any more.
     fn check_file(&self) -> Result<(), StoreError> {
-        if identity(self.path) == self.file {
+        if FileIdentity::at(self.path).ok() == self.file {
             return Ok(());
         }
         let reason = "the file was removed or replaced while it was watched; watch again".to_owned();

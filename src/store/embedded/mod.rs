@@ -59,9 +59,11 @@ use rusqlite::Connection;
 use indexed::Remembered;
 use known::Known;
 use log_size::LogSize;
-use place::{Identity, Place};
+use place::Place;
 use spare::Spare;
 use transaction::Log;
+
+use crate::store::FileIdentity;
 
 pub use busy::tell_waits;
 pub use file::VERSION;
@@ -77,7 +79,7 @@ pub struct Embedded {
     connection: Connection,
     place: Place,
     /// Which file it is; none where no other connection may open it.
-    identity: Option<Identity>,
+    identity: Option<FileIdentity>,
     indexes: Remembered,
     known: Known,
     log: Log,

@@ -1,21 +1,15 @@
 //! Where an embedded store lives.
 
 use std::fmt;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+
+use crate::store::FileIdentity;
 
 /// Where an embedded store lives; its `Display` is what messages call it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Place {
     File(PathBuf),
     Memory,
-}
-
-/// What tells a file from one that takes its name later.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Identity {
-    device: u64,
-    inode: u64,
 }
 
 impl Place {
@@ -32,10 +26,9 @@ impl Place {
     }
 
     /// Which file is at the path at the moment.
-    pub(super) fn identity(&self) -> Option<Identity> {
+    pub(super) fn identity(&self) -> Option<FileIdentity> {
         let Self::File(path) = self else { return None };
-        let found = std::fs::metadata(path).ok()?;
-        Some(Identity { device: found.dev(), inode: found.ino() })
+        FileIdentity::at(path).ok()
     }
 
     /// The path of the write-ahead log.
