@@ -81,7 +81,7 @@ impl Lazy {
         if self.expected.get() {
             let reason =
                 "there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do";
-            return Err(StoreError::Unreachable { address: self.describe(), reason: reason.to_owned() });
+            return Err(StoreError::unreachable(self.describe(), reason));
         }
         if self.nothing.get().is_none() {
             // The cell is empty: nothing else of this thread can have filled it meanwhile.

@@ -152,20 +152,22 @@ impl From<bson::error::Error> for Failure {
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         let message = error.to_string();
-        let is_unsent = error.is_unsent();
         match error {
             StoreError::Query(error) => error.into(),
             StoreError::Stopped { source, .. } => Self::from(*source),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
-            StoreError::Unreachable { .. } if is_unsent => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),
-            StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message),
+            StoreError::Unreachable { may_be_done: true, .. } => Self::new(codes::UNREACHABLE, message),
+            StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),
             StoreError::Held { .. } => Self::new(codes::CONFLICT, message),
             StoreError::Unfit { .. } => Self::new(codes::ILLEGAL, message),
             StoreError::Computable { ref source, .. } => match computed(source.as_ref()) {
                 Some(inner) => Self::new(inner, message),
                 None => Self::new(codes::FAILED, message),
             },
-            StoreError::Interrupted { .. } | StoreError::Failed { .. } => Self::new(codes::FAILED, message),
+            StoreError::Interrupted { .. }
+            | StoreError::DiskFull { .. }
+            | StoreError::Unconfirmed { .. }
+            | StoreError::Failed { .. } => Self::new(codes::FAILED, message),
         }
     }
 }
@@ -217,12 +219,12 @@ mod tests {
 
     #[test]
     fn what_was_certainly_not_done_may_be_repeated() {
-        let labels = |reason: &str| {
-            let address = "mongodb://robot1".to_owned();
-            Failure::from(StoreError::Unreachable { address, reason: reason.to_owned() }).labels
+        let labels = |may_be_done| {
+            let (address, reason) = ("mongodb://robot1".to_owned(), "closed".to_owned());
+            Failure::from(StoreError::Unreachable { address, reason, may_be_done }).labels
         };
-        assert_eq!(labels("no server answered"), [RETRYABLE]);
-        assert!(labels("closed; whether the change of a.b was made is not known").is_empty());
+        assert_eq!(labels(false), [RETRYABLE]);
+        assert!(labels(true).is_empty());
     }
 
     #[test]

@@ -7,9 +7,6 @@ use super::taken_key::TakenKey;
 use crate::fault::{AtFault, Fault};
 use crate::query::QueryError;
 
-/// What is said of a write of which it is not known whether the server did it: the connection was lost meanwhile.
-pub(super) const UNKNOWN: &str = "is not known";
-
 /// Why a store did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -20,6 +17,8 @@ pub enum StoreError {
         address: String,
         /// What went wrong.
         reason: String,
+        /// Whether it is not known if a write was done: the connection was lost after it was sent.
+        may_be_done: bool,
     },
     /// A unique key is taken.
     #[error("{namespace} already has a document with {key}")]
@@ -74,7 +73,23 @@ pub enum StoreError {
         /// How many documents were changed.
         done: u64,
     },
-    /// Anything else: disk full, no permission, a damaged file, a server's refusal.
+    /// The file system of the store has no room.
+    #[error("{address}: {reason}")]
+    DiskFull {
+        /// The address, without credentials.
+        address: String,
+        /// What was not done, and what to do.
+        reason: String,
+    },
+    /// A write that was done, but which a majority of the servers has not confirmed.
+    #[error("{address}: {reason}")]
+    Unconfirmed {
+        /// The address, without credentials.
+        address: String,
+        /// What is not confirmed, and what to do.
+        reason: String,
+    },
+    /// Anything else: no permission, a damaged file, a server's refusal.
     #[error("{address}: {reason}")]
     Failed {
         /// The address, without credentials.
@@ -93,20 +108,17 @@ impl AtFault for StoreError {
             Self::Query(error) => error.fault(),
             Self::Stopped { source, .. } => source.fault(),
             Self::Computable { fault, .. } => *fault,
-            Self::Unreachable { .. } | Self::Failed { .. } => Fault::Store,
+            Self::Unreachable { .. } | Self::DiskFull { .. } | Self::Unconfirmed { .. } | Self::Failed { .. } => {
+                Fault::Store
+            }
         }
     }
 }
 
 impl StoreError {
-    /// Whether a server was not reached, so that certainly nothing was done.
-    #[must_use]
-    pub fn is_unsent(&self) -> bool {
-        match self {
-            Self::Unreachable { reason, .. } => !reason.ends_with(UNKNOWN),
-            Self::Stopped { stored, source, .. } => stored.is_empty() && source.is_unsent(),
-            _ => false,
-        }
+    /// Returns that a server was not reached, or a file not opened, so that certainly nothing was written.
+    pub(crate) fn unreachable(address: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unreachable { address: address.into(), reason: reason.into(), may_be_done: false }
     }
 
     /// Returns the error for a computable that failed.

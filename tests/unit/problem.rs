@@ -508,7 +508,7 @@ impl Store for Talkative {
     }
 
     fn count(&self, _: &Namespace, _: Query<'_>) -> Result<u64, StoreError> {
-        Err(StoreError::Unreachable { address: "there".to_owned(), reason: "no answer".to_owned() })
+        Err(StoreError::Unreachable { address: "there".to_owned(), reason: "no answer".to_owned(), may_be_done: false })
     }
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {

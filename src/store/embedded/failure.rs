@@ -27,12 +27,12 @@ pub(super) fn explain(place: &Place, error: &Error) -> StoreError {
                 "it is damaged ({error}); list the damage with `rmem doctor --deep`, and copy what can be read into a new file with `rmem repair -o FILE`"
             )
         }
-        Some(ErrorCode::DiskFull) => DISK_FULL.to_owned(),
+        Some(ErrorCode::DiskFull) => return full(place, DISK_FULL),
         Some(ErrorCode::ReadOnly) => {
             "it cannot be written; check the permissions of the file and of its folder".to_owned()
         }
         Some(ErrorCode::PermissionDenied) => "permission denied; check the file's owner and mode".to_owned(),
-        Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => NO_ROOM.to_owned(),
+        Some(ErrorCode::CannotOpen | ErrorCode::SystemIoFailure) if is_full(place) => return no_room(place),
         Some(ErrorCode::CannotOpen) => return unreachable(place, cannot_open(place)),
         Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => {
             format!("another process has been writing for {} s; end it or try again", LOCK_TIMEOUT.as_secs())
@@ -61,7 +61,7 @@ pub(super) fn is_damage(error: &Error) -> bool {
 }
 
 fn unreachable(place: &Place, reason: String) -> StoreError {
-    StoreError::Unreachable { address: place.to_string(), reason }
+    StoreError::unreachable(place.to_string(), reason)
 }
 
 /// Whether the file system of the store has no space left: SQLite reports then that it cannot make
@@ -74,36 +74,31 @@ fn is_full(place: &Place) -> bool {
     })
 }
 
+fn full(place: &Place, reason: &str) -> StoreError {
+    StoreError::DiskFull { address: place.to_string(), reason: reason.to_owned() }
+}
+
 /// That the disk is full.
 pub(super) fn disk_full(place: &Place) -> StoreError {
-    if is_full(place) {
-        return no_room(place);
-    }
-    StoreError::Failed { address: place.to_string(), reason: DISK_FULL.to_owned() }
+    full(place, if is_full(place) { NO_ROOM } else { DISK_FULL })
 }
 
 /// That the disk is full, where nothing can be deleted.
 pub(super) fn no_room(place: &Place) -> StoreError {
-    StoreError::Failed { address: place.to_string(), reason: NO_ROOM.to_owned() }
+    full(place, NO_ROOM)
 }
 
 /// That the disk is full, where something was to be deleted.
 pub(super) fn no_room_to_delete(place: &Place) -> StoreError {
-    StoreError::Failed { address: place.to_string(), reason: NO_ROOM_TO_DELETE.to_owned() }
+    full(place, NO_ROOM_TO_DELETE)
 }
 
 /// The error where a memory is copied into a new file.
 pub(super) fn explain_copy(place: &Place, error: &Error) -> StoreError {
-    let error = explain(place, error);
-    if !is_of_full_disk(&error) {
-        return error;
+    match explain(place, error) {
+        StoreError::DiskFull { .. } => full(place, NO_ROOM_TO_COPY),
+        other => other,
     }
-    StoreError::Failed { address: place.to_string(), reason: NO_ROOM_TO_COPY.to_owned() }
-}
-
-/// Whether an error of a store says that the disk is full.
-pub(super) fn is_of_full_disk(error: &StoreError) -> bool {
-    matches!(error, StoreError::Failed { reason, .. } if [DISK_FULL, NO_ROOM].contains(&reason.as_str()))
 }
 
 /// Describes an error of the file system where a memory is copied.

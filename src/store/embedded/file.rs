@@ -89,7 +89,7 @@ impl Embedded {
         let path = path.as_ref();
         let place = Place::File(path.to_owned());
         if let Some(reason) = special(path) {
-            return Err(StoreError::Unreachable { address: place.to_string(), reason: reason.to_owned() });
+            return Err(StoreError::unreachable(place.to_string(), reason));
         }
         if is_read_only(path) {
             return Self::open_unchanging(path, place);
@@ -103,7 +103,7 @@ impl Embedded {
             | OpenFlags::SQLITE_OPEN_EXRESCODE;
         let is_new = path.symlink_metadata().is_err();
         let opened = Self::open_with(path, &place, flags);
-        if is_new && opened.as_ref().is_err_and(failure::is_of_full_disk) {
+        if is_new && matches!(opened, Err(StoreError::DiskFull { .. })) {
             remove_blank(path);
             return Err(failure::no_room(&place));
         }
@@ -113,7 +113,7 @@ impl Embedded {
     fn open_with(path: &Path, place: &Place, flags: OpenFlags) -> Result<Self, StoreError> {
         let open = || Connection::open_with_flags(path, flags).map_err(|e| failure::explain(place, &e));
         match Self::prepare(open()?, place.clone()) {
-            Err(error) if failure::is_of_full_disk(&error) => {
+            Err(StoreError::DiskFull { .. }) => {
                 // Without room for the index of the log beside the file, the index is in memory. Other processes wait then.
                 let connection = open()?;
                 let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");

@@ -347,7 +347,7 @@ impl Embedded {
             self.indexes.clear();
             self.known.forget();
             self.log.keeping.forget();
-            if failure::is_of_full_disk(error) {
+            if let StoreError::DiskFull { .. } = error {
                 // The log is folded into the file and cut, so that there is room to delete something.
                 let _ = self.fold();
                 return Err(match self.is_deleting() {

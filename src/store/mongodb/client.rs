@@ -108,19 +108,16 @@ fn parse(uri: &str, address: &str) -> Result<ClientOptions, StoreError> {
     });
     match receiver.recv_timeout(SELECTION_TIMEOUT) {
         Ok(Ok(options)) => Ok(options),
-        Ok(Err(error)) => Err(StoreError::Unreachable {
-            address: address.to_owned(),
-            reason: match *error.kind {
-                mongodb::error::ErrorKind::DnsResolve { message, .. } => {
-                    format!("the name does not resolve: {message}")
-                }
-                _ => return Err(refused(uri, address)),
-            },
+        Ok(Err(error)) => Err(match *error.kind {
+            mongodb::error::ErrorKind::DnsResolve { message, .. } => {
+                StoreError::unreachable(address, format!("the name does not resolve: {message}"))
+            }
+            _ => refused(uri, address),
         }),
-        Err(_) => Err(StoreError::Unreachable {
-            address: address.to_owned(),
-            reason: format!("the name service did not answer within {} s", SELECTION_TIMEOUT.as_secs()),
-        }),
+        Err(_) => {
+            let reason = format!("the name service did not answer within {} s", SELECTION_TIMEOUT.as_secs());
+            Err(StoreError::unreachable(address, reason))
+        }
     }
 }
 

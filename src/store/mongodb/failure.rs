@@ -5,14 +5,10 @@ use mongodb::error::{Error, ErrorKind, WriteFailure};
 
 use crate::deadline;
 use crate::query::QueryError;
-use crate::store::error::UNKNOWN;
 use crate::store::{Namespace, StoreError, TakenKey};
 
 /// The server's code for a taken unique key.
 const DUPLICATE: i32 = 11000;
-
-/// What is said of a write that no majority has confirmed.
-const UNCONFIRMED: &str = "was written by the primary, but a majority of the members did not confirm it";
 
 /// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
@@ -59,7 +55,7 @@ pub(super) fn code(error: &Error) -> Option<i32> {
 
 /// Puts an error into words; a duplicate needs [`explain_write`].
 pub(super) fn explain(address: &str, error: &Error) -> StoreError {
-    let unreachable = |reason| StoreError::Unreachable { address: address.to_owned(), reason };
+    let unreachable = |reason| StoreError::unreachable(address, reason);
     match error.kind.as_ref() {
         ErrorKind::ServerSelection { message, .. } => unreachable(selection(message)),
         ErrorKind::Io(error) => unreachable(error.to_string()),
@@ -84,10 +80,18 @@ pub(super) fn explain(address: &str, error: &Error) -> StoreError {
 /// Puts the error of an update or a deletion in `ns` into words. Where the connection broke after
 /// the request was sent, the change may have been made.
 pub(super) fn explain_change(address: &str, ns: &Namespace, error: &Error) -> StoreError {
-    match explain_write(address, ns, error) {
-        StoreError::Unreachable { address, reason } if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) => {
-            let reason = format!("{reason}; whether the change of {ns} was made {UNKNOWN}");
-            StoreError::Unreachable { address, reason }
+    sent(explain_write(address, ns, error), error, || format!("the change of {ns} was made"))
+}
+
+/// The error of a write that was sent to a server, where one was found: where the connection was lost meanwhile, it is not known
+/// whether `what` is so.
+fn sent(explained: StoreError, error: &Error, what: impl FnOnce() -> String) -> StoreError {
+    match explained {
+        StoreError::Unreachable { address, reason, .. }
+            if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) =>
+        {
+            let reason = format!("{reason}; whether {} is not known", what());
+            StoreError::Unreachable { address, reason, may_be_done: true }
         }
         other => other,
     }
@@ -113,15 +117,8 @@ pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> Sto
 /// Where the connection was lost, it is not known which of them the server stored.
 pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error: &Error) -> StoreError {
     let ErrorKind::InsertMany(many) = error.kind.as_ref() else {
-        return match explain_write(address, ns, error) {
-            StoreError::Unreachable { address, reason }
-                if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) =>
-            {
-                let reason = format!("{reason}; whether these {} documents were stored {UNKNOWN}", ids.len());
-                StoreError::Unreachable { address, reason }
-            }
-            other => other,
-        };
+        let stored = || format!("these {} documents were stored", ids.len());
+        return sent(explain_write(address, ns, error), error, stored);
     };
     let Some(first) = many.write_errors.as_ref().and_then(|errors| errors.first()) else {
         let source = Box::new(match &many.write_concern_error {
@@ -176,17 +173,13 @@ fn coded(address: &str, code: i32, message: &str) -> StoreError {
     QueryError::invalid(code, message).into()
 }
 
-/// Whether a write was done by the primary, and not confirmed.
-pub(super) fn is_unconfirmed(error: &StoreError) -> bool {
-    matches!(error, StoreError::Failed { reason, .. } if reason.contains(UNCONFIRMED))
-}
-
 /// A write that the primary did, and which is lost where it fails before others have it.
 fn unconfirmed(address: &str, what: &str, message: &str) -> StoreError {
     let reason = format!(
-        "{what} {UNCONFIRMED} ({message}); it may be lost where the primary fails now; see `rmem backend status`"
+        "{what} was written by the primary, but a majority of the members did not confirm it ({message}); it may be lost \
+         where the primary fails now; see `rmem backend status`"
     );
-    failed(address, reason)
+    StoreError::Unconfirmed { address: address.to_owned(), reason }
 }
 
 fn failed(address: &str, reason: String) -> StoreError {

@@ -17,7 +17,7 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::dates::{add_field, inserted, path};
-use super::{MongoDb, failure, single_step};
+use super::{MongoDb, single_step};
 use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update};
 use crate::store::document::with_id_first;
@@ -154,7 +154,8 @@ impl MongoDb {
         let filter = doc! { "_id": { "$in": changed } };
         let dates = UpdateRequest { filter, update: set, many: true, ..UpdateRequest::default() };
         // The driver retries no update of many documents; the same dates may be set again.
-        let waited = done.as_ref().is_err_and(failure::is_unconfirmed).then(|| self.without_majority());
+        let is_unconfirmed = matches!(done, Err(StoreError::Unconfirmed { .. }));
+        let waited = is_unconfirmed.then(|| self.without_majority());
         let store = waited.as_ref().unwrap_or(self);
         match store.apply(ns, &dates) {
             Err(StoreError::Unreachable { .. }) => store.apply(ns, &dates)?,

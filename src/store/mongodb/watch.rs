@@ -324,7 +324,7 @@ impl Changes for Stream<'_> {
 /// What cannot be written while the server is away is written later.
 fn passing(written: Result<(), StoreError>) -> Result<(), StoreError> {
     match written {
-        Err(StoreError::Unreachable { .. } | StoreError::Failed { .. }) => Ok(()),
+        Err(StoreError::Unreachable { .. } | StoreError::Unconfirmed { .. } | StoreError::Failed { .. }) => Ok(()),
         written => written,
     }
 }
