@@ -15,7 +15,7 @@ use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::{Transcript, Verdict};
 use crate::formats::{Diagnostic, Source};
 use crate::pddl::{Feature, Plan, Step, Validation, Why, validate, why};
-use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, SUPERVISOR_GONE, Share};
+use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
 
 /// How many of a planner's last lines an error message repeats.
 const TAIL: usize = 12;
@@ -145,6 +145,8 @@ pub struct Run {
     pub is_proven: bool,
     /// The exit code of its program; none where a signal or a limit ended it.
     pub code: Option<i32>,
+    /// Whether no files could be made for the run: a fault of this machine, not of the planner.
+    pub is_without_files: bool,
     /// The limit that ended its program, as an outcome.
     pub limit: Option<Outcome>,
     /// Why there is no plan, where that was asked for.
@@ -449,9 +451,13 @@ fn conclude(
             return (Outcome::OutOfTime, words);
         }
         End::Starved if !keeps => return (Outcome::OutOfMemory, starved(&answer, limits)),
-        End::Failed(words) if ended.out_of_memory => return (Outcome::OutOfMemory, words.clone()),
-        End::Failed(words) if words.starts_with(SUPERVISOR_GONE) => return (Outcome::Failed, words.clone()),
-        End::Failed(words) => return (Outcome::NotExecutable, format!("its program could not be run: {words}")),
+        End::Failed(words) | End::SupervisorGone(words) if ended.out_of_memory => {
+            return (Outcome::OutOfMemory, words.clone());
+        }
+        End::SupervisorGone(words) => return (Outcome::Failed, words.clone()),
+        End::Failed(words) | End::NoFiles(words) => {
+            return (Outcome::NotExecutable, format!("its program could not be run: {words}"));
+        }
         _ => {}
     }
     let crash = crash(&ended.end);
@@ -564,6 +570,7 @@ fn report(
     let run = Run {
         is_proven: outcome == Outcome::Unsolvable && planner.is_own(),
         code: ended.code(),
+        is_without_files: matches!(ended.end, End::NoFiles(_)),
         limit: match ended.end {
             End::OutOfTime => Some(Outcome::OutOfTime),
             End::Starved => Some(Outcome::OutOfMemory),

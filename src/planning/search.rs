@@ -8,8 +8,7 @@ use super::{PlanRequest, PlanResult, PlanningError, PlanningTask};
 use crate::formats::Diagnostic;
 use crate::interrupt::InterruptGuard;
 use crate::memory::Memory;
-use crate::planner::{Host, Limits, Outcome, Planner, Portfolio, Task, not_improved};
-use crate::process::NO_FILES;
+use crate::planner::{Host, Limits, Planner, Portfolio, Task, not_improved};
 use crate::store::StoreError;
 
 /// A task, and the planners' programs, which have started and wait for it.
@@ -103,7 +102,7 @@ impl<'a> PreparedSearch<'a> {
         let race = race.ok_or(PlanningError::NoPlanner)?;
         let time = start.elapsed();
         let mut run = race.winner().ok_or(PlanningError::NoPlanner)?.clone();
-        if run.outcome == Outcome::NotExecutable && run.message.contains(NO_FILES) {
+        if run.is_without_files {
             let (address, reason) = (host.temporary.display().to_string(), run.message);
             return Err(StoreError::Failed { address, reason }.into());
         }

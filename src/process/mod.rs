@@ -17,4 +17,4 @@ mod usage;
 
 pub use host::{Host, Limits, Listener};
 pub(crate) use pool::{Pool, Share};
-pub(crate) use run::{End, Ended, INPUT, Job, Mode, NO_FILES, Prepared, SUPERVISOR_GONE, run};
+pub(crate) use run::{End, Ended, INPUT, Job, Mode, Prepared, run};

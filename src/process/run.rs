@@ -89,8 +89,28 @@ pub(crate) enum End {
     Missing,
     /// It is a script for an interpreter that is not there.
     NoInterpreter(String),
+    /// The files of the run could not be made: a fault of this machine, not of the program.
+    NoFiles(String),
+    /// Its supervisor ended before it.
+    SupervisorGone(String),
     /// It could not be run at all.
     Failed(String),
+}
+
+impl End {
+    /// Why it could not be run to an end of its own, where that is so.
+    fn failure(&self) -> Option<&str> {
+        match self {
+            Self::NoFiles(words) | Self::SupervisorGone(words) | Self::Failed(words) => Some(words),
+            _ => None,
+        }
+    }
+}
+
+impl From<io::Error> for End {
+    fn from(error: io::Error) -> Self {
+        Self::Failed(error.to_string())
+    }
 }
 
 /// A program that has ended.
@@ -149,7 +169,7 @@ pub(crate) fn run(job: &Job<'_>, texts: &[(&str, &str)], limits: &Limits, host: 
 #[derive(Debug)]
 pub(crate) struct Prepared {
     /// An error is reported when it is to run.
-    supervisor: io::Result<Supervisor>,
+    supervisor: Result<Supervisor, End>,
     limits: Limits,
     wanted: fn(&str) -> Option<u64>,
     /// Whether its result is read also after an interruption.
@@ -170,11 +190,10 @@ impl Prepared {
     /// that several runs share. When this returns, neither its processes nor its directory are left; only the
     /// supervisor may still be on its way out, until what has [`Ended`] is dropped.
     pub(crate) fn run(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Ended {
-        let failed = |error: io::Error| Ended { end: End::Failed(error.to_string()), ..Ended::default() };
-        self.attempt(texts, share, host).unwrap_or_else(failed)
+        self.attempt(texts, share, host).unwrap_or_else(|end| Ended { end, ..Ended::default() })
     }
 
-    fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> io::Result<Ended> {
+    fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Result<Ended, End> {
         let (mut supervisor, limits) = (self.supervisor?, self.limits);
         for (name, text) in texts {
             write(&supervisor.place().join(name), text, host).map_err(|error| unmade(host, &error))?;
@@ -209,18 +228,13 @@ impl Prepared {
     }
 }
 
-/// The beginning of the error where the files of a run cannot be made: a fault of this machine, not of
-/// the program.
-pub(crate) const NO_FILES: &str = "no files can be made for a run";
-/// What is said of a run whose supervisor ended before it.
-pub(crate) const SUPERVISOR_GONE: &str = "its supervisor is gone";
-
-fn unmade(host: &Host<'_>, error: &io::Error) -> io::Error {
+/// Returns that the files of a run cannot be made.
+fn unmade(host: &Host<'_>, error: &io::Error) -> End {
     // The name of the file is rmem's own.
     let reason = io::Error::from(error.kind());
     let advice = if error.kind() == io::ErrorKind::NotFound { "create the folder" } else { "free space there" };
-    let words = format!("{NO_FILES} in {}: {reason}; {advice}, or set TMPDIR", host.temporary.display());
-    io::Error::new(error.kind(), words)
+    let folder = host.temporary.display();
+    End::NoFiles(format!("no files can be made for a run in {folder}: {reason}; {advice}, or set TMPDIR"))
 }
 
 /// Writes a file, unless rmem is interrupted.
@@ -265,7 +279,7 @@ struct Usage {
 }
 
 impl Supervisor {
-    fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> io::Result<Self> {
+    fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Result<Self, End> {
         let directory = tempfile::Builder::new()
             .prefix(&litter::prefix(&host.temporary, "rmem-run-"))
             .tempdir_in(&host.temporary)
@@ -329,7 +343,7 @@ impl Supervisor {
                 }
                 Err(error) => {
                     self.abandon();
-                    let gone = || End::Failed(format!("{SUPERVISOR_GONE}: {error}"));
+                    let gone = || End::SupervisorGone(format!("its supervisor is gone: {error}"));
                     return (stopped.map_or_else(gone, |(end, _)| end), None);
                 }
             }
@@ -566,15 +580,14 @@ fn starved(end: &End, ended: &Ended, peak: u64, limit: u64) -> bool {
     let badly = match end {
         End::Exited(code) => *code != 0,
         End::Signalled(_) => true,
-        End::Failed(_) => true,
-        _ => false,
+        _ => end.failure().is_some(),
     };
     let tail = |text: &str| {
         let start = text.len().saturating_sub(4096);
         let start = (start..=text.len()).find(|at| text.is_char_boundary(*at)).unwrap_or(0);
         text.get(start..).unwrap_or_default().to_lowercase()
     };
-    let failure = if let End::Failed(words) = end { words.to_lowercase() } else { String::new() };
+    let failure = end.failure().map(str::to_lowercase).unwrap_or_default();
     let words = format!("{}\n{}\n{failure}", tail(&ended.stdout), tail(&ended.stderr));
     let complains = COMPLAINTS.iter().any(|complaint| words.contains(complaint));
     let close = matches!(end, End::Signalled(_)) && peak.saturating_mul(1024) >= limit / 10 * 8;

@@ -168,7 +168,7 @@ fn verdict(end: End) -> Result<Delivered> {
         End::Interrupted | End::OutOfTime => return Ok(Delivered::Interrupted),
         End::Missing => return Err(unrunnable("there is no sh")),
         End::NoInterpreter(_) | End::Starved | End::TooMuchOutput => return Err(unrunnable("it was stopped")),
-        End::Failed(words) => return Err(unrunnable(&words)),
+        End::NoFiles(words) | End::SupervisorGone(words) | End::Failed(words) => return Err(unrunnable(&words)),
     };
     Ok(if code == 0 { Delivered::Well } else { Delivered::Badly(u8::try_from(code).unwrap_or(u8::MAX)) })
 }

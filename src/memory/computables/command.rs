@@ -105,7 +105,9 @@ impl Command {
                 self.folder.display()
             )),
             End::NoInterpreter(path) => Some(format!("cannot be run: its interpreter `{path}` is not there")),
-            End::Failed(words) => Some(format!("cannot be run: {words}")),
+            End::NoFiles(words) | End::SupervisorGone(words) | End::Failed(words) => {
+                Some(format!("cannot be run: {words}"))
+            }
         };
         if let Some(wrong) = wrong {
             return Err(ComputeError::Failed(message(&wrong)));
