@@ -82,13 +82,20 @@ pub(super) struct Failure {
     pub(super) message: String,
     /// What drivers decide by whether to try again.
     pub(super) labels: Vec<&'static str>,
+    /// Whether the command is malformed: a field in it is not known, is missing or has a value of the wrong type.
+    pub(super) is_malformed: bool,
     /// Further fields of the answer.
     pub(super) details: Box<Document>,
 }
 
 impl Failure {
     pub(super) fn new(code: i32, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), labels: Vec::new(), details: Box::default() }
+        Self { code, message: message.into(), labels: Vec::new(), is_malformed: false, details: Box::default() }
+    }
+
+    /// A field of a command is not known, is missing or has a value of the wrong type.
+    pub(super) fn malformed(code: i32, message: String) -> Self {
+        Self { is_malformed: true, ..Self::new(code, message) }
     }
 
     pub(super) fn labeled(mut self, label: &'static str) -> Self {

@@ -90,7 +90,7 @@ impl<'a> Fields<'a> {
         match unknown {
             Some(name) => {
                 let message = format!("BSON field '{}.{name}' is an unknown field.", self.of);
-                Err(Failure::new(codes::UNKNOWN_FIELD, message))
+                Err(Failure::malformed(codes::UNKNOWN_FIELD, message))
             }
             None => Ok(()),
         }
@@ -118,12 +118,12 @@ impl<'a> Fields<'a> {
         let found = type_name(value);
         let message =
             format!("BSON field '{}.{name}' is the wrong type '{found}', expected type '{expected}'", self.of);
-        Failure::new(codes::TYPE_MISMATCH, message)
+        Failure::malformed(codes::TYPE_MISMATCH, message)
     }
 
     pub(super) fn missing(self, name: &str) -> Failure {
         let message = format!("BSON field '{}.{name}' is missing but a required field", self.of);
-        Failure::new(codes::MISSING_FIELD, message)
+        Failure::malformed(codes::MISSING_FIELD, message)
     }
 
     /// Refuses null where it does not count as left out.

@@ -3,7 +3,6 @@
 use bson::{Document, doc};
 
 use super::definition::Command;
-use super::update::is_of_command;
 use super::write::{COMMON, Outcome, changes, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
@@ -23,7 +22,7 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     for (index, statement) in statements.into_iter().enumerate() {
         match delete_one(memory, call, &ns, statement, &variables) {
             Ok(count) => outcome.n += count,
-            Err(failure) if is_of_command(&failure) => return Err(failure),
+            Err(failure) if failure.is_malformed => return Err(failure),
             Err(failure) => {
                 if !outcome.fail(index, failure, ordered)? {
                     break;

@@ -27,7 +27,8 @@ fn update(memory: &Memory, call: &Call) -> Answer {
                 let place = i32::try_from(index).unwrap_or(i32::MAX);
                 upserted.extend(updated.upserted.map(|id| doc! { "index": place, "_id": id }));
             }
-            Err(failure) if is_of_command(&failure) => return Err(failure),
+            // Then the whole command is.
+            Err(failure) if failure.is_malformed => return Err(failure),
             Err(failure) => {
                 if !outcome.fail(index, failure, ordered)? {
                     break;
@@ -40,12 +41,6 @@ fn update(memory: &Memory, call: &Call) -> Answer {
         reply.insert("upserted", upserted);
     }
     outcome.reply(reply)
-}
-
-/// Whether a statement is so wrong that the whole command is.
-pub(super) fn is_of_command(failure: &Failure) -> bool {
-    matches!(failure.code, codes::UNKNOWN_FIELD | codes::MISSING_FIELD | codes::TYPE_MISMATCH)
-        && failure.message.starts_with("BSON field")
 }
 
 fn update_one(
