@@ -18,6 +18,37 @@ pub struct Frames {
     frames: HashMap<String, (String, Pose)>,
 }
 
+/// Why the pose of a frame in another is not known.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WayError {
+    /// One of the frames is in no document.
+    #[error("the frame `{frame}` is not known; {known}")]
+    Unknown {
+        /// Which one.
+        frame: String,
+        /// What there is.
+        known: String,
+    },
+    /// The frames are in two trees.
+    #[error("no way leads from the frame `{from}` to `{to}` in {namespace}")]
+    Apart {
+        /// The frame whose pose was asked for.
+        from: String,
+        /// The frame in which it was asked for.
+        to: String,
+        /// The collection of the frames.
+        namespace: Namespace,
+    },
+    /// The parents of a frame lead back to it.
+    #[error("the frames of {namespace} are not a tree: {}", cycle.join(" → "))]
+    Cycle {
+        /// The collection of the frames.
+        namespace: Namespace,
+        /// The frames, of which the last is the first again.
+        cycle: Vec<String>,
+    },
+}
+
 /// A frame and those around it, each with the pose of the first in it.
 type Ancestors<'a> = Vec<(&'a str, Pose)>;
 
@@ -60,7 +91,7 @@ impl Frames {
     ///
     /// # Errors
     /// Where a frame is not known, no way leads from one to the other, or the frames are not a tree.
-    pub fn way(&self, from: &str, to: &str) -> Result<Pose, String> {
+    pub fn way(&self, from: &str, to: &str) -> Result<Pose, WayError> {
         if from == to {
             return Ok(Pose::IDENTITY);
         }
@@ -72,31 +103,26 @@ impl Frames {
         }
         let unknown = [from, to].into_iter().find(|frame| !self.knows(frame));
         Err(match unknown {
-            Some(frame) => format!("the frame `{frame}` is not known; {}", self.known()),
-            None => format!("no way leads from the frame `{from}` to `{to}` in {}", self.namespace),
+            Some(frame) => WayError::Unknown { frame: frame.to_owned(), known: self.known() },
+            None => WayError::Apart { from: from.to_owned(), to: to.to_owned(), namespace: self.namespace.clone() },
         })
     }
 
     /// The frame and those around it, up to the root.
-    fn ancestors<'b>(&'b self, frame: &'b str) -> Result<Ancestors<'b>, String> {
+    fn ancestors<'b>(&'b self, frame: &'b str) -> Result<Ancestors<'b>, WayError> {
         let mut ancestors: Ancestors<'b> = vec![(frame, Pose::IDENTITY)];
         while let Some((last, pose)) = ancestors.last()
             && let Some((parent, own)) = self.frames.get(*last)
         {
             let next = (parent.as_str(), own.around(pose));
             if let Some(start) = ancestors.iter().position(|(frame, _)| *frame == next.0) {
-                let cycle: Vec<&str> = ancestors.iter().skip(start).map(|(frame, _)| *frame).chain([next.0]).collect();
-                return Err(format!("{}{}", self.no_tree(), cycle.join(" → ")));
+                let cycle = ancestors.iter().skip(start).map(|(frame, _)| *frame).chain([next.0]);
+                let cycle = cycle.map(str::to_owned).collect();
+                return Err(WayError::Cycle { namespace: self.namespace.clone(), cycle });
             }
             ancestors.push(next);
         }
         Ok(ancestors)
-    }
-
-    /// How a message about frames begins that lead back to themselves.
-    #[must_use]
-    pub fn no_tree(&self) -> String {
-        format!("the frames of {} are not a tree: ", self.namespace)
     }
 
     /// Whether a frame is in the tree.
@@ -152,7 +178,7 @@ impl Frames {
 mod tests {
     use super::*;
 
-    fn way(frames: &[(&str, &str, Pose)], way: &str) -> Result<Pose, String> {
+    fn way(frames: &[(&str, &str, Pose)], way: &str) -> Result<Pose, WayError> {
         let namespace = Namespace::parse("robmem.frames").unwrap();
         let frames = frames.iter().map(|(frame, parent, pose)| ((*frame).to_owned(), ((*parent).to_owned(), *pose)));
         let (from, to) = way.split_once('>').unwrap();
@@ -180,7 +206,7 @@ mod tests {
             ("arm>hand", "no way leads from the frame `arm` to `hand`"),
             ("arm>x", "are not a tree: x → y → x"),
         ] {
-            let wrong = way(&frames, name).unwrap_err();
+            let wrong = way(&frames, name).unwrap_err().to_string();
             assert!(wrong.contains(words), "{wrong}");
         }
     }

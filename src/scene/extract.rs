@@ -14,7 +14,7 @@ use super::kind::{Kinds, NAME, ObjectKind};
 use crate::formats::scene::{Object, Pose, Scene, document};
 use crate::formats::shell;
 use crate::memory::Memory;
-use crate::memory::frames::Frames;
+use crate::memory::frames::{Frames, WayError};
 use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError};
 
@@ -52,7 +52,24 @@ pub struct Invalid {
     /// Its `_id`.
     pub id: Bson,
     /// What is wrong.
-    pub reason: String,
+    pub reason: Reason,
+}
+
+/// Why a document is no object.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Reason {
+    /// Its pose in the scene's frame is not known.
+    #[error(transparent)]
+    Frame(#[from] WayError),
+    /// Something else is wrong with it.
+    #[error("{0}")]
+    Content(String),
+}
+
+impl From<String> for Reason {
+    fn from(message: String) -> Self {
+        Self::Content(message)
+    }
 }
 
 impl Invalid {
@@ -60,7 +77,7 @@ impl Invalid {
     #[must_use]
     pub fn twice(located: Located) -> Self {
         let reason = format!("there is another object with the name `{}`", located.object.name);
-        Self { namespace: located.namespace, id: located.id, reason }
+        Self { namespace: located.namespace, id: located.id, reason: reason.into() }
     }
 }
 
@@ -96,7 +113,7 @@ impl Extraction {
     /// Whether there is no object, and nothing but that a frame is not known keeps documents from being one.
     #[must_use]
     pub fn is_nothing_for_want_of(&self, frame: &str) -> bool {
-        let is_want = |invalid: &Invalid| invalid.reason.starts_with(&format!("the frame `{frame}` is not known"));
+        let is_want = |invalid: &Invalid| matches!(&invalid.reason, Reason::Frame(WayError::Unknown { frame: unknown, .. }) if unknown == frame);
         self.objects.is_empty() && self.invalid.iter().all(is_want)
     }
 
@@ -167,7 +184,7 @@ pub fn extract(
 pub struct Ways<'a> {
     frames: &'a Frames,
     frame: &'a str,
-    known: HashMap<String, Result<Pose, String>>,
+    known: HashMap<String, Result<Pose, WayError>>,
 }
 
 impl<'a> Ways<'a> {
@@ -181,7 +198,7 @@ impl<'a> Ways<'a> {
     ///
     /// # Errors
     /// Where there is no way.
-    pub fn from(&mut self, frame: &str) -> Result<Pose, String> {
+    pub fn from(&mut self, frame: &str) -> Result<Pose, WayError> {
         if self.frame.is_empty() {
             return Ok(Pose::IDENTITY);
         }
@@ -231,21 +248,20 @@ fn object(
     document: &Document,
     kind: Option<&ObjectKind>,
     ways: &mut Ways<'_>,
-) -> Result<(Object, String, Pose), String> {
+) -> Result<(Object, String, Pose), Reason> {
     let key = kind.map_or(NAME, |kind| &kind.name_key);
     let name = match document.get(key) {
         Some(Bson::String(name)) if !name.is_empty() => name.clone(),
-        Some(other) => return Err(format!("its `{key}` is {other}; expected a name as text")),
+        Some(other) => return Err(format!("its `{key}` is {other}; expected a name as text").into()),
         None => {
-            return Err(format!(
-                "it has no `{key}`; expected a name, or `name_key` of a [[scene.object]] in rmem.toml"
-            ));
+            let wanted = "expected a name, or `name_key` of a [[scene.object]] in rmem.toml";
+            return Err(format!("it has no `{key}`; {wanted}").into());
         }
     };
     let frame = match document.get("frame") {
         Some(Bson::String(frame)) => frame.clone(),
-        Some(other) => return Err(format!("its `frame` is {other}; expected the name of a frame")),
-        None => return Err("it has no `frame`".to_owned()),
+        Some(other) => return Err(format!("its `frame` is {other}; expected the name of a frame").into()),
+        None => return Err("it has no `frame`".to_owned().into()),
     };
     let mut object = Object { name, ..document::read(document)? };
     if let Some(kind) = kind {

@@ -286,7 +286,7 @@ impl<'a> Follower<'a> {
                 }
                 Err(reason) => {
                     let (namespace, id) = (located.namespace.clone(), located.id.clone());
-                    report.invalid.push(Invalid { namespace, id, reason });
+                    report.invalid.push(Invalid { namespace, id, reason: reason.into() });
                     gone.push(key.clone());
                 }
             }

@@ -16,5 +16,5 @@ pub mod mesh;
 pub mod outline;
 pub mod reported;
 
-pub use extract::{Extraction, Invalid, Located, Sources};
+pub use extract::{Extraction, Invalid, Located, Reason, Sources};
 pub use kind::ObjectKind;

@@ -42,7 +42,8 @@ pub(super) fn run(args: &CheckArgs, context: &mut Context<'_>) -> Result<Exit> {
     let mut meshes = Meshes::in_folder(Path::new(""));
     for located in &mut found.objects {
         if let Err(reason) = meshes.load(&mut located.object) {
-            found.invalid.push(Invalid { namespace: located.namespace.clone(), id: located.id.clone(), reason });
+            let (namespace, id) = (located.namespace.clone(), located.id.clone());
+            found.invalid.push(Invalid { namespace, id, reason: reason.into() });
         }
     }
     let found = args.selection.more.accept(found, context)?;

@@ -14,11 +14,11 @@ use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 use crate::memory::computables::BodyKind;
-use crate::memory::frames::Frames;
+use crate::memory::frames::{Frames, WayError};
 use crate::output::Format;
 use crate::scene::extract::{Reading, extract};
 use crate::scene::mesh::Meshes;
-use crate::scene::{Extraction, Invalid, ObjectKind, Sources};
+use crate::scene::{Extraction, Invalid, ObjectKind, Reason, Sources};
 use crate::store::{Namespace, StoreError};
 
 pub(super) use crate::commands::formats::SCENE as FORMATS;
@@ -127,7 +127,8 @@ impl More {
             return Err(WrongInput::new(format!("--frame {frame}: no such frame; {}", frames.known())).into());
         }
         // Where frames lead back to themselves, it is not the documents in them that are wrong.
-        let cycle = found.invalid.iter().find(|invalid| invalid.reason.starts_with(&frames.no_tree()));
+        let is_cycle = |invalid: &&Invalid| matches!(invalid.reason, Reason::Frame(WayError::Cycle { .. }));
+        let cycle = found.invalid.iter().find(is_cycle);
         if let (Some(cycle), false) = (cycle, self.skip_invalid) {
             let message = format!("{}; the parents of a frame have to end at one without a parent", cycle.reason);
             return Err(WrongInput::new(message).into());
@@ -192,7 +193,9 @@ impl More {
                     }
                     fitting.objects.push(located);
                 }
-                Err(reason) => invalid.push(Invalid { namespace: located.namespace, id: located.id, reason }),
+                Err(reason) => {
+                    invalid.push(Invalid { namespace: located.namespace, id: located.id, reason: reason.into() })
+                }
             }
         }
         self.report(&invalid, context)?;

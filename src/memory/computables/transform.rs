@@ -97,7 +97,7 @@ fn transform(
         let way = match ways.get(&frame) {
             Some(way) => *way,
             None => {
-                let way = frames.way(&frame, target).map_err(wrong)?;
+                let way = frames.way(&frame, target).map_err(|error| wrong(error.to_string()))?;
                 ways.insert(frame, way);
                 way
             }
