@@ -23,9 +23,9 @@ pub(super) fn warn(namespace: &Namespace, memory: &Memory, context: &mut Context
 
 /// The same where a collection of a similar name exists: another may be there later.
 pub(super) fn warn_of_nearest(namespace: &Namespace, memory: &Memory, context: &mut Context<'_>) -> bool {
-    let message = message(namespace, memory, context).filter(|message| message.ends_with('?'));
-    message.iter().for_each(|message| context.output.warn(message));
-    message.is_some()
+    let found = find(namespace, memory, context).ok().flatten().filter(|found| found.has_nearest);
+    found.iter().for_each(|found| context.output.warn(&found.message));
+    found.is_some()
 }
 
 /// `no collection robmem.worldmodl; did you mean robmem.worldmodel?`
@@ -44,6 +44,17 @@ pub(super) fn look(
     memory: &Memory,
     context: &Context<'_>,
 ) -> Result<Option<String>, StoreError> {
+    Ok(find(namespace, memory, context)?.map(|found| found.message))
+}
+
+/// A collection that does not exist.
+struct Missing {
+    message: String,
+    /// Whether the message names one of a similar name.
+    has_nearest: bool,
+}
+
+fn find(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Result<Option<Missing>, StoreError> {
     if memory.computables()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
         return Ok(None);
     }
@@ -54,14 +65,16 @@ pub(super) fn look(
         return Ok(None);
     }
     if let Some(command) = mongosh::command(&name, &context.settings.collection.value.database) {
-        return Ok(Some(format!("no collection {name}; write: {command}")));
+        let message = format!("no collection {name}; write: {command}");
+        return Ok(Some(Missing { message, has_nearest: false }));
     }
     let known = || names.iter().map(String::as_str);
     let elsewhere = || known().find(|known| known.ends_with(&format!(".{}", namespace.collection)));
-    let hint = match nearest(&name, known()).or_else(elsewhere) {
+    let nearest = nearest(&name, known()).or_else(elsewhere);
+    let hint = match nearest {
         Some(nearest) => format!("did you mean {nearest}?"),
         None if names.is_empty() => "the memory is empty".to_owned(),
         None => "`rmem collections` lists those there are".to_owned(),
     };
-    Ok(Some(format!("no collection {name}; {hint}")))
+    Ok(Some(Missing { message: format!("no collection {name}; {hint}"), has_nearest: nearest.is_some() }))
 }

@@ -2,6 +2,7 @@
 
 use std::io::{self, BufRead, Read as _};
 
+use bson::error::ErrorKind;
 use bson::{Document, RawDocument, RawDocumentBuf};
 
 use crate::formats::visible;
@@ -149,21 +150,41 @@ fn not_bson(error: &bson::error::Error) -> String {
 
 /// What an error of BSON says, without the types of its library.
 pub(super) fn damage(error: &bson::error::Error) -> String {
-    let text = error.to_string();
-    if text.contains("Utf8Encoding") || text.contains("Invalid UTF-8") {
+    let said = error.message.as_deref().unwrap_or_default();
+    if matches!(error.kind, ErrorKind::Utf8Encoding { .. }) || is_inner_encoding(said) {
         return "a text in it is not UTF-8".to_owned();
     }
-    let key = text.split_once(" at key \"").and_then(|(_, rest)| rest.split_once('"')).map(|(key, _)| key);
-    let what =
-        text.rsplit_once("Message: ").or_else(|| text.rsplit_once("Kind: ")).map_or(text.as_str(), |(_, what)| what);
-    let what = what.strip_prefix("An error occurred when attempting to access a document value: ").unwrap_or(what);
-    // Of an error in another one, the message is what it says.
-    let what = what
-        .split_once("message: Some(\"")
-        .and_then(|(_, rest)| rest.split_once("\")"))
-        .map_or(what, |(inner, _)| inner);
+    let kind = match &error.kind {
+        ErrorKind::ValueAccess { kind, .. } => kind.to_string(),
+        kind => kind.to_string(),
+    };
+    let what = if said.is_empty() { kind.as_str() } else { innermost(said) };
     let what = what.trim_end_matches('.');
-    key.map_or_else(|| what.to_owned(), |key| format!("{what} (key {})", visible::line(key)))
+    match error.key.as_deref().or_else(|| inner_key(said)) {
+        Some(key) => format!("{what} (key {})", visible::line(key)),
+        None => what.to_owned(),
+    }
+}
+
+// The library writes an error in another one into its message, as text: as `BSON error at key "a". Kind: K. Message: M.`, or as
+// `Error { kind: K, message: Some("M"), key: … }`.
+
+/// Whether the message of an error has one in it about a text that is not UTF-8.
+fn is_inner_encoding(message: &str) -> bool {
+    message.contains("Utf8Encoding") || message.contains("Invalid UTF-8")
+}
+
+/// The key in the error that a message has in it.
+fn inner_key(message: &str) -> Option<&str> {
+    message.split_once(" at key \"").and_then(|(_, rest)| rest.split_once('"')).map(|(key, _)| key)
+}
+
+/// What the error says that a message has in it, or the message.
+fn innermost(message: &str) -> &str {
+    let what =
+        message.rsplit_once("Message: ").or_else(|| message.rsplit_once("Kind: ")).map_or(message, |(_, what)| what);
+    let what = what.strip_prefix("An error occurred when attempting to access a document value: ").unwrap_or(what);
+    what.split_once("message: Some(\"").and_then(|(_, rest)| rest.split_once("\")")).map_or(what, |(inner, _)| inner)
 }
 
 /// Decodes a document that starts at byte `offset`. As deep as the document is

@@ -164,13 +164,20 @@ impl Failure {
             Self::Goal { .. } => None,
         }
     }
-}
 
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(step) = self.step() {
-            write!(f, "step {}: ", step + 1)?;
+    /// The message without the step.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        struct Reason<'a>(&'a Failure);
+        impl fmt::Display for Reason<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.write_reason(f)
+            }
         }
+        Reason(self).to_string()
+    }
+
+    fn write_reason(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let maybe = |nearest: &Option<String>| {
             nearest.as_ref().map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"))
         };
@@ -222,6 +229,15 @@ impl fmt::Display for Failure {
                 write!(f, "the goal is not reached: {} {verb} false", conditions.join(", "))
             }
         }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(step) = self.step() {
+            write!(f, "step {}: ", step + 1)?;
+        }
+        self.write_reason(f)
     }
 }
 

@@ -41,11 +41,7 @@ impl Fault {
     /// Of a failure of `steps`, which are those of the whole plan at the places `left`.
     pub(super) fn new(failure: &Failure, left: &[usize], steps: &[Step], task: &PlanningTask) -> Self {
         let step = failure.step();
-        let text = failure.to_string();
-        let message = match step.and_then(|step| text.strip_prefix(&format!("step {}: ", step + 1))) {
-            Some(rest) => rest.to_owned(),
-            None => text.clone(),
-        };
+        let message = failure.reason();
         let missing = match failure {
             Failure::Precondition { condition, .. } | Failure::Duration { condition, .. } => vec![condition.clone()],
             Failure::Goal { conditions } => conditions.clone(),
