@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use super::ff::DOUBTS;
-use super::run::{Output, Planner};
+use super::interface::{Output, Planner};
 use crate::formats::plan::{Transcript, Verdict, auto, downward, ff, temporal};
 use crate::pddl::Feature;
 use crate::process::Host;

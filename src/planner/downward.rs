@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 
 use super::files::{DOMAIN, PLAN, PROBLEM};
-use super::run::{Output, Planner};
+use super::interface::{Output, Planner};
 use crate::formats::plan::{Transcript, downward};
 use crate::pddl::Feature;
 use crate::process::Host;

@@ -7,7 +7,7 @@ use std::path::Path;
 use memchr::memmem;
 
 use super::files::{DOMAIN, PROBLEM};
-use super::run::{Output, Planner};
+use super::interface::{Output, Planner};
 use super::sizes::Sizes;
 use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;

@@ -9,28 +9,36 @@
 
 pub mod builtin;
 
+mod attempt;
+mod capabilities;
 mod complaint;
+mod conclusion;
 mod configured;
 mod downward;
 mod ff;
 mod files;
+mod interface;
 mod outcome;
 mod progress;
 mod race;
 mod registry;
 mod run;
 mod sizes;
+mod spelling;
 mod task;
 
 pub use crate::process::{Host, Limits, Listener};
+pub use attempt::run;
 pub use builtin::Builtin;
+pub use capabilities::not_improved;
 pub use configured::{Configured, Dialect};
 pub use downward::FastDownward;
 pub use ff::Ff;
+pub use interface::{Output, Planner};
 pub use outcome::Outcome;
 pub use progress::progress;
 pub use race::{Portfolio, Race};
 pub use registry::{Registry, UnknownPlanner};
-pub use run::{Output, Planner, Run, not_improved, run, spaced};
+pub use run::{Run, spaced};
 pub use sizes::Sizes;
 pub use task::Task;

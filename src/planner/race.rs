@@ -13,8 +13,10 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
+use super::attempt::PreparedPlanner;
+use super::interface::Planner;
 use super::outcome::Outcome;
-use super::run::{Planner, PreparedPlanner, Run};
+use super::run::Run;
 use super::task::Task;
 use crate::pddl::Plan;
 use crate::process::{Host, Limits, Pool};

@@ -30,7 +30,7 @@ mod unsolvable;
 use std::ffi::OsString;
 
 use super::files::{DOMAIN, PROBLEM};
-use super::run::{Output, Planner};
+use super::interface::{Output, Planner};
 use super::task::Task;
 use crate::formats::plan::{Transcript, Verdict, ff};
 use crate::pddl::Feature;

@@ -13,7 +13,7 @@ use super::judge::Judge;
 use super::options::Options;
 use super::{Builtin, REQUIREMENTS, compared, portfolio, proof, temporal};
 use crate::formats::pddl::portable::{self, Sent};
-use crate::planner::run::refuse;
+use crate::planner::capabilities::refuse;
 use crate::planner::task::Task;
 
 /// ferroplan grounds and searches with recursion over formulas.
