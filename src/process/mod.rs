@@ -5,16 +5,24 @@
 //! limit, and returns its output. If the input takes a while to compute, the program can be
 //! started before it ([`Prepared`]).
 
+mod end;
+mod handle;
 pub(crate) mod holder;
 mod host;
+mod job;
 mod launch;
 pub(crate) mod litter;
+mod message;
 mod pool;
+mod reading;
 mod run;
 pub mod search;
+mod starved;
 pub mod supervisor;
 mod usage;
 
+pub(crate) use end::End;
 pub use host::{Host, Limits, Listener};
+pub(crate) use job::{INPUT, Job, Mode};
 pub(crate) use pool::{Pool, Share};
-pub(crate) use run::{End, Ended, INPUT, Job, Mode, Prepared, run};
+pub(crate) use run::{Ended, Prepared, run};
