@@ -9,41 +9,39 @@
 //! move documents, so its first page and the positions of the rest are read in one
 //! transaction.
 
+mod examined;
+mod found;
+mod limit;
+mod listing;
+mod read;
+mod sharing;
+
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
 
-use bson::{Document, RawDocument, RawDocumentBuf};
-use rusqlite::params;
+use bson::{Document, RawDocument};
 
 use super::access::{Chosen, Listing, Way};
 use super::ahead::{Ahead, Slot, Turn};
 use super::catalog::Collection;
 use super::indexed::{Indexes, decay};
 use super::page::PageError;
-use super::snapshot::Snapshot;
-use super::{Embedded, body, failure};
-use crate::deadline;
-use crate::query::{Filter, QueryError, Sort, collation};
+use super::{Embedded, failure};
+use crate::query::{Filter, Sort, collation};
 use crate::store::{Hint, StoreError, metadata};
+use found::Page;
+use limit::check_deadline;
+use sharing::{LONG, Sharing};
+
+pub(super) use examined::Examined;
+pub(super) use found::Found;
 
 /// The most bytes of documents in a page.
 const PAGE_BYTES: usize = 256 << 10;
 /// The most documents in a page.
 const PAGE_DOCUMENTS: usize = 512;
-/// The most documents examined for a page, matching or not.
-const PAGE_ROWS: usize = 20_000;
-/// How many documents are looked at before a scan is a long one, and how many have to be left to be worth a thread: opening
-/// the file again takes about as long as reading a thousand.
-const LONG: usize = 8_192;
-
-/// A stored document and where it is.
-pub(super) struct Found {
-    pub(super) position: i64,
-    pub(super) body: RawDocumentBuf,
-}
 
 /// Documents of a collection that match.
 pub(super) struct Scan<'a> {
@@ -58,52 +56,6 @@ pub(super) struct Scan<'a> {
     is_sorted: bool,
     examined: Rc<Examined>,
     sharing: Sharing,
-    /// Whether it is cut into stretches, or is one of them.
-    is_part: bool,
-    /// The first position that was found in this stretch, or behind it.
-    first: Option<i64>,
-    /// The first position that was found behind the stretch before.
-    next: Option<i64>,
-}
-
-/// Whether a second thread reads a part of what is to be read.
-enum Sharing {
-    Never,
-    /// Once the scan has turned out to be a long one.
-    WhereLong {
-        /// Whether the matches are only counted.
-        is_counted: bool,
-    },
-    With(Ahead<Result<Page, StoreError>>),
-}
-
-/// Matches that were read at once.
-#[derive(Default)]
-struct Page {
-    found: VecDeque<Found>,
-    /// How many matches there are, where they are only counted.
-    number: u64,
-    /// How many documents were looked at.
-    documents: u64,
-    /// Whether it is the last page of its stretch.
-    is_last: bool,
-    first: Option<i64>,
-    next: Option<i64>,
-}
-
-/// What was looked at to answer a query.
-#[derive(Debug, Default)]
-pub(super) struct Examined {
-    /// Keys of indexes.
-    pub(super) keys: Cell<u64>,
-    /// Documents.
-    pub(super) documents: Cell<u64>,
-}
-
-impl Examined {
-    fn add(counter: &Cell<u64>, more: u64) {
-        counter.set(counter.get() + more);
-    }
 }
 
 /// What has not been looked at.
@@ -202,10 +154,7 @@ impl<'a> Scan<'a> {
             most: usize::MAX,
             is_sorted: chosen.is_sorted,
             examined: Rc::new(examined),
-            sharing: Sharing::Never,
-            is_part: false,
-            first: None,
-            next: None,
+            sharing: Sharing::never(),
         })
     }
 
@@ -221,16 +170,13 @@ impl<'a> Scan<'a> {
             most: usize::MAX,
             is_sorted: false,
             examined: Rc::default(),
-            sharing: Sharing::Never,
-            is_part: true,
-            first: None,
-            next: None,
+            sharing: Sharing::stretch(),
         }
     }
 
     /// The same matches, of which a second thread may read a part; not for what writes while it reads.
     pub(super) fn shared(self) -> Self {
-        Self { sharing: Sharing::WhereLong { is_counted: false }, ..self }
+        Self { sharing: Sharing::where_long(false), ..self }
     }
 
     /// The same matches, of which no more than so many are asked for.
@@ -270,7 +216,7 @@ impl<'a> Scan<'a> {
 
     /// How many documents match.
     pub(super) fn count(mut self) -> Result<u64, StoreError> {
-        self.sharing = Sharing::WhereLong { is_counted: true };
+        self.sharing = Sharing::where_long(true);
         let mut count = 0;
         while !matches!(self.rest, Rest::Nothing) {
             count += self.counted()?;
@@ -298,16 +244,15 @@ impl<'a> Scan<'a> {
         let documents = self.examined.documents.get() - before;
         let is_last = matches!(self.rest, Rest::Nothing);
         let found = std::mem::take(&mut self.page);
-        Ok(Page { found, number, documents, is_last, first: self.first, next: self.next })
+        let (first, next) = self.sharing.ends();
+        Ok(Page { found, number, documents, is_last, first, next })
     }
 
     /// The next page of what the second thread has read.
     fn take_page(&mut self) -> Result<Page, StoreError> {
-        let page = match &self.sharing {
-            Sharing::With(ahead) => {
-                ahead.piece().unwrap_or_else(|| Err(self.store.fail("a thread that reads it ended")))
-            }
-            Sharing::Never | Sharing::WhereLong { .. } => Ok(Page { is_last: true, ..Page::default() }),
+        let page = match self.sharing.ahead() {
+            Some(ahead) => ahead.piece().unwrap_or_else(|| Err(self.store.fail("a thread that reads it ended"))),
+            None => Ok(Page { is_last: true, ..Page::default() }),
         };
         let page = page.inspect_err(|_| self.rest = Rest::Nothing)?;
         Examined::add(&self.examined.documents, page.documents);
@@ -317,7 +262,7 @@ impl<'a> Scan<'a> {
             return if failure::is_gone(&error) { Ok(Page::default()) } else { Err(self.store.explain(&error)) };
         }
         if page.is_last {
-            self.next = page.next;
+            self.sharing.leave(page.next);
             self.rest = self.next_stretch();
         }
         Ok(page)
@@ -325,12 +270,8 @@ impl<'a> Scan<'a> {
 
     /// What is to be read after a stretch.
     fn next_stretch(&mut self) -> Rest {
-        let Sharing::With(ahead) = &mut self.sharing else { return Rest::Nothing };
-        match ahead.turn() {
-            Turn::Own(behind, last) => {
-                self.first = None;
-                Rest::Between(behind, last)
-            }
+        match self.sharing.turn() {
+            Turn::Own(behind, last) => Rest::Between(behind, last),
             Turn::Other => Rest::Ahead,
             Turn::Over => Rest::Nothing,
         }
@@ -338,16 +279,14 @@ impl<'a> Scan<'a> {
 
     /// Shares what is left with a second thread where the scan has become a long one.
     fn share(&mut self) {
-        let (Sharing::WhereLong { is_counted }, Rest::Between(behind, last)) = (&self.sharing, &self.rest) else {
+        let (Some(is_counted), Rest::Between(behind, last)) = (self.sharing.is_counted_where_long(), &self.rest) else {
             return;
         };
         if self.examined.documents.get() < LONG as u64 {
             return;
         }
-        let ahead = self.ahead((*behind, *last), *is_counted);
-        self.is_part = ahead.is_some();
-        self.sharing = ahead.map_or(Sharing::Never, Sharing::With);
-        if self.is_part {
+        self.sharing = self.ahead((*behind, *last), is_counted).map_or_else(Sharing::never, Sharing::with);
+        if self.sharing.is_part() {
             self.rest = self.next_stretch();
         }
     }
@@ -423,170 +362,6 @@ impl<'a> Scan<'a> {
         };
         Ok(())
     }
-
-    /// Whether the filter matches a document.
-    fn matches(&self, document: &RawDocument) -> Result<bool, PageError> {
-        self.filter.matches(document).map_err(PageError::Query)
-    }
-
-    fn read_between(
-        &mut self,
-        mut position: i64,
-        last: i64,
-        take: &mut dyn FnMut(i64, &RawDocument) -> More,
-    ) -> Result<Rest, PageError> {
-        let (store, table) = (self.store, self.collection.table());
-        let sql = format!("SELECT body, position FROM {table} WHERE position > ? ORDER BY position");
-        let mut statement = store.connection.prepare_cached(&sql)?;
-        let mut rows = statement.query([position])?;
-        let most = if matches!(self.sharing, Sharing::WhereLong { .. }) { LONG } else { PAGE_ROWS };
-        for nth in 1..=most {
-            let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
-            if self.is_part {
-                let behind = std::mem::replace(&mut position, row.get(1)?);
-                failure::check_order(position, behind)?;
-                if self.first.is_none() {
-                    self.first = Some(position);
-                    self.check_seam(position)?;
-                }
-                if position > last {
-                    self.next = Some(position);
-                    return Ok(Rest::Nothing);
-                }
-            }
-            let body = body::of_column(row.get_ref(0)?)?;
-            let is_match = self.matches(body)?;
-            Examined::add(&self.examined.documents, 1);
-            if !self.is_part {
-                // The position is read only for matches: reading it costs time, too.
-                if !is_match && nth < most {
-                    continue;
-                }
-                let behind = std::mem::replace(&mut position, row.get(1)?);
-                failure::check_order(position, behind)?;
-                if position > last {
-                    return Ok(Rest::Nothing);
-                }
-            }
-            if is_match && !take(position, body) {
-                break;
-            }
-        }
-        Ok(Rest::Between(position, last))
-    }
-
-    /// Checks that a stretch begins where the one before it ended. Where a page of the file leads to a wrong one, it may not; nor
-    /// where documents were removed and stored meanwhile, so that all positions are looked at then.
-    fn check_seam(&mut self, first: i64) -> rusqlite::Result<()> {
-        if self.next.take().is_none_or(|next| next <= first) {
-            return Ok(());
-        }
-        let sql = format!("SELECT position FROM {} NOT INDEXED ORDER BY position", self.collection.table());
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
-        let (mut rows, mut behind) = (statement.query([])?, i64::MIN);
-        while let Some(row) = rows.next()? {
-            let position = row.get(0)?;
-            failure::check_order(position, behind)?;
-            behind = position;
-        }
-        Ok(())
-    }
-
-    fn read_at(
-        &self,
-        mut positions: VecDeque<i64>,
-        take: &mut dyn FnMut(i64, &RawDocument) -> More,
-    ) -> Result<Rest, PageError> {
-        // A transaction for each document would take longer than reading it.
-        let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&self.store.connection)).transpose()?;
-        let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
-        for _ in 0..PAGE_ROWS {
-            let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
-            let mut rows = statement.query([position])?;
-            let Some(row) = rows.next()? else { continue };
-            let body = body::of_column(row.get_ref(0)?)?;
-            Examined::add(&self.examined.documents, 1);
-            if self.matches(body)? && !take(position, body) {
-                break;
-            }
-        }
-        Ok(Rest::At(positions))
-    }
-
-    /// Reads a page, and where the rest is, at one moment.
-    fn read_listed(
-        &self,
-        mut listing: Listing,
-        take: &mut dyn FnMut(i64, &RawDocument) -> More,
-    ) -> Result<Rest, PageError> {
-        let _snapshot = Snapshot::begin(&self.store.connection)?;
-        let sql = listing.documents_sql(&self.collection.table());
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
-        let mut taken = 0;
-        while let Some(range) = listing.ranges.front() {
-            let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
-            let mut rows = statement.query(params![from, i64::MIN, to])?;
-            while let Some(row) = rows.next()? {
-                Examined::add(&self.examined.keys, 1);
-                Examined::add(&self.examined.documents, 1);
-                let position = row.get(1)?;
-                let body = body::of_column(row.get_ref(2)?)?;
-                if !self.matches(body)? {
-                    continue;
-                }
-                taken += 1;
-                if !take(position, body) {
-                    let key: Vec<u8> = row.get(0)?;
-                    drop(rows);
-                    return if taken >= self.most { Ok(Rest::Nothing) } else { self.list(listing, (key, position)) };
-                }
-            }
-            drop(rows);
-            listing.ranges.pop_front();
-        }
-        Ok(Rest::Nothing)
-    }
-
-    /// Where the documents are that the index lists behind a key and a position.
-    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
-        let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
-        let (mut behind, mut positions) = (Some(behind), VecDeque::new());
-        while let Some(range) = listing.ranges.pop_front() {
-            let (from, to) = if listing.backwards { (range.high, range.low) } else { (range.low, range.high) };
-            let (key, position) = behind.take().unwrap_or((from, i64::MIN));
-            let mut rows = statement.query(params![key, position, to])?;
-            while let Some(row) = rows.next()? {
-                positions.push_back(row.get(0)?);
-            }
-        }
-        Examined::add(&self.examined.keys, positions.len() as u64);
-        Ok(Rest::At(positions))
-    }
-}
-
-impl Listing {
-    /// What reads the documents of a range behind a key and a position.
-    fn documents_sql(&self, documents: &str) -> String {
-        let (from, index) = match self.table == documents {
-            true => (documents.to_owned(), documents),
-            false => (format!("{0} CROSS JOIN {documents} USING (position)", self.table), self.table.as_str()),
-        };
-        format!("SELECT {index}.key, {index}.position, {documents}.body FROM {from} {}", self.range(index))
-    }
-
-    /// What reads only where they are.
-    fn positions_sql(&self) -> String {
-        format!("SELECT position FROM {} {}", self.table, self.range(&self.table))
-    }
-
-    fn range(&self, index: &str) -> String {
-        let (behind, before, order) = if self.backwards { ("<", ">=", "DESC") } else { (">", "<", "ASC") };
-        format!(
-            "WHERE ({index}.key, {index}.position) {behind} (?1, ?2) AND {index}.key {before} ?3 \
-             ORDER BY {index}.key {order}, {index}.position {order}"
-        )
-    }
 }
 
 impl Iterator for Scan<'_> {
@@ -609,27 +384,6 @@ impl Iterator for Scan<'_> {
                 return Some(Err(error));
             }
         }
-    }
-}
-
-impl Embedded {
-    /// Refuses to go on reading where the time for it is over.
-    fn check_time(&self) -> Result<(), StoreError> {
-        check_deadline()?;
-        match self.reads_until.get() {
-            Some(until) if Instant::now() >= until => {
-                Err(StoreError::Held { what: "what reads while writers wait takes too long".to_owned() })
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// Refuses to go on where the operation has taken as long as it may.
-fn check_deadline() -> Result<(), StoreError> {
-    match deadline::has_passed() {
-        true => Err(QueryError::exceeded_time_limit().into()),
-        false => Ok(()),
     }
 }
 

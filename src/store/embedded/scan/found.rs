@@ -1,0 +1,25 @@
+//! Documents that a scan has found.
+
+use std::collections::VecDeque;
+
+use bson::RawDocumentBuf;
+
+/// A stored document and where it is.
+pub(in crate::store::embedded) struct Found {
+    pub(in crate::store::embedded) position: i64,
+    pub(in crate::store::embedded) body: RawDocumentBuf,
+}
+
+/// Matches that were read at once.
+#[derive(Default)]
+pub(super) struct Page {
+    pub(super) found: VecDeque<Found>,
+    /// How many matches there are, where they are only counted.
+    pub(super) number: u64,
+    /// How many documents were looked at.
+    pub(super) documents: u64,
+    /// Whether it is the last page of its stretch.
+    pub(super) is_last: bool,
+    pub(super) first: Option<i64>,
+    pub(super) next: Option<i64>,
+}

@@ -1,0 +1,158 @@
+//! Reading one page of a scan: from the documents in their order, at known positions, or along an index.
+
+use std::collections::VecDeque;
+
+use bson::RawDocument;
+use rusqlite::params;
+
+use super::examined::Examined;
+use super::sharing::LONG;
+use super::{More, Rest, Scan};
+use crate::store::embedded::access::Listing;
+use crate::store::embedded::page::PageError;
+use crate::store::embedded::snapshot::Snapshot;
+use crate::store::embedded::{body, failure};
+
+/// The most documents examined for a page, matching or not.
+const PAGE_ROWS: usize = 20_000;
+
+impl Scan<'_> {
+    /// Whether the filter matches a document.
+    fn matches(&self, document: &RawDocument) -> Result<bool, PageError> {
+        self.filter.matches(document).map_err(PageError::Query)
+    }
+
+    pub(super) fn read_between(
+        &mut self,
+        mut position: i64,
+        last: i64,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
+    ) -> Result<Rest, PageError> {
+        let (store, table) = (self.store, self.collection.table());
+        let sql = format!("SELECT body, position FROM {table} WHERE position > ? ORDER BY position");
+        let mut statement = store.connection.prepare_cached(&sql)?;
+        let mut rows = statement.query([position])?;
+        let most = if self.sharing.is_counted_where_long().is_some() { LONG } else { PAGE_ROWS };
+        for nth in 1..=most {
+            let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
+            if self.sharing.is_part() {
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if self.sharing.arrive(position) {
+                    self.check_seam(position)?;
+                }
+                if position > last {
+                    self.sharing.leave(Some(position));
+                    return Ok(Rest::Nothing);
+                }
+            }
+            let body = body::of_column(row.get_ref(0)?)?;
+            let is_match = self.matches(body)?;
+            Examined::add(&self.examined.documents, 1);
+            if !self.sharing.is_part() {
+                // The position is read only for matches: reading it costs time, too.
+                if !is_match && nth < most {
+                    continue;
+                }
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if position > last {
+                    return Ok(Rest::Nothing);
+                }
+            }
+            if is_match && !take(position, body) {
+                break;
+            }
+        }
+        Ok(Rest::Between(position, last))
+    }
+
+    /// Checks that a stretch begins where the one before it ended. Where a page of the file leads to a wrong one, it may not; nor
+    /// where documents were removed and stored meanwhile, so that all positions are looked at then.
+    pub(super) fn check_seam(&mut self, first: i64) -> rusqlite::Result<()> {
+        if self.sharing.is_joined(first) {
+            return Ok(());
+        }
+        let sql = format!("SELECT position FROM {} NOT INDEXED ORDER BY position", self.collection.table());
+        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let (mut rows, mut behind) = (statement.query([])?, i64::MIN);
+        while let Some(row) = rows.next()? {
+            let position = row.get(0)?;
+            failure::check_order(position, behind)?;
+            behind = position;
+        }
+        Ok(())
+    }
+
+    pub(super) fn read_at(
+        &self,
+        mut positions: VecDeque<i64>,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
+    ) -> Result<Rest, PageError> {
+        // A transaction for each document would take longer than reading it.
+        let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&self.store.connection)).transpose()?;
+        let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
+        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        for _ in 0..PAGE_ROWS {
+            let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
+            let mut rows = statement.query([position])?;
+            let Some(row) = rows.next()? else { continue };
+            let body = body::of_column(row.get_ref(0)?)?;
+            Examined::add(&self.examined.documents, 1);
+            if self.matches(body)? && !take(position, body) {
+                break;
+            }
+        }
+        Ok(Rest::At(positions))
+    }
+
+    /// Reads a page, and where the rest is, at one moment.
+    pub(super) fn read_listed(
+        &self,
+        mut listing: Listing,
+        take: &mut dyn FnMut(i64, &RawDocument) -> More,
+    ) -> Result<Rest, PageError> {
+        let _snapshot = Snapshot::begin(&self.store.connection)?;
+        let sql = listing.documents_sql(&self.collection.table());
+        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let mut taken = 0;
+        while let Some(range) = listing.ranges.front() {
+            let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
+            let mut rows = statement.query(params![from, i64::MIN, to])?;
+            while let Some(row) = rows.next()? {
+                Examined::add(&self.examined.keys, 1);
+                Examined::add(&self.examined.documents, 1);
+                let position = row.get(1)?;
+                let body = body::of_column(row.get_ref(2)?)?;
+                if !self.matches(body)? {
+                    continue;
+                }
+                taken += 1;
+                if !take(position, body) {
+                    let key: Vec<u8> = row.get(0)?;
+                    drop(rows);
+                    return if taken >= self.most { Ok(Rest::Nothing) } else { self.list(listing, (key, position)) };
+                }
+            }
+            drop(rows);
+            listing.ranges.pop_front();
+        }
+        Ok(Rest::Nothing)
+    }
+
+    /// Where the documents are that the index lists behind a key and a position.
+    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
+        let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
+        let (mut behind, mut positions) = (Some(behind), VecDeque::new());
+        while let Some(range) = listing.ranges.pop_front() {
+            let (from, to) = if listing.backwards { (range.high, range.low) } else { (range.low, range.high) };
+            let (key, position) = behind.take().unwrap_or((from, i64::MIN));
+            let mut rows = statement.query(params![key, position, to])?;
+            while let Some(row) = rows.next()? {
+                positions.push_back(row.get(0)?);
+            }
+        }
+        Examined::add(&self.examined.keys, positions.len() as u64);
+        Ok(Rest::At(positions))
+    }
+}
