@@ -1,9 +1,10 @@
 //! A plan as moments in time, and what happens at each.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
-use super::change::{Changes, Update, happens_at, is_continuous, looks_elsewhere, without_numbers};
+use super::change::{Changes, is_continuous, without_numbers};
 use super::error::EvaluationError;
+use super::interference::{Effects, interfering};
 use super::record::Pending;
 use super::state::{Bindings, Ground, State, TOLERANCE};
 use super::trace::{Event, Happening};
@@ -12,16 +13,13 @@ use super::truth::at_moment;
 use super::verdict::Failure;
 use crate::formats::pddl::ast::{Comparator, Moment};
 use crate::pddl::domain::Action;
-use crate::pddl::model::{Change, Formula, Number, Variable};
+use crate::pddl::model::{Formula, Number};
 
 /// Moments closer than this are one.
 const SAME_TIME: f64 = 1e-6;
 
 /// How far a plan's duration may be from what the action says: plans print few decimals.
 const DURATION_TOLERANCE: f64 = 0.01;
-
-/// How many facts derived predicates may look at where several things happen at one moment.
-const READS: usize = 1_000_000;
 
 /// A step of a plan whose action and objects are known.
 pub(super) struct Instance<'a> {
@@ -66,13 +64,6 @@ impl Point {
             Self::Literal(_) => None,
         }
     }
-}
-
-/// One point with what it reads and changes.
-struct Effects {
-    step: Option<usize>,
-    reads: HashSet<Ground>,
-    changes: Changes,
 }
 
 /// Lets a plan happen in `state`, as the trajectory constraints see it.
@@ -418,54 +409,6 @@ impl State<'_> {
         }
     }
 
-    /// Begins to watch the conditional effects at the end of an action whose conditions are about other moments too.
-    fn pend(&mut self, change: &Change, step: usize, bindings: &mut Bindings) -> Result<(), EvaluationError> {
-        let mut pending = Vec::new();
-        self.find_pending(change, bindings, &mut pending)?;
-        if !pending.is_empty() {
-            self.pending.insert(step, pending);
-        }
-        Ok(())
-    }
-
-    fn find_pending(
-        &self,
-        change: &Change,
-        bindings: &mut Bindings,
-        pending: &mut Vec<Pending>,
-    ) -> Result<(), EvaluationError> {
-        match change {
-            Change::And(parts) => parts.iter().try_for_each(|part| self.find_pending(part, bindings, pending)),
-            Change::Forall(quantifier, inner) => self
-                .each(quantifier, bindings, |bindings| {
-                    self.find_pending(inner, bindings, pending)?;
-                    Ok(false)
-                })
-                .map(drop),
-            Change::Timed(Moment::End, inner) => self.find_pending(inner, bindings, pending),
-            Change::When(condition, effect)
-                if looks_elsewhere(condition, Moment::End) && happens_at(effect, Moment::End) =>
-            {
-                let holds = self.is_true(&at_moment(condition, Moment::Start), bindings)?;
-                let (condition, effect, bindings) = ((**condition).clone(), (**effect).clone(), bindings.clone());
-                pending.push(Pending { condition, effect, bindings, holds });
-                Ok(())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Adds what the effects do that waited for the end of an action.
-    fn end_pending(&mut self, step: usize, changes: &mut Changes) -> Result<(), EvaluationError> {
-        for Pending { condition, effect, mut bindings, holds } in self.pending.remove(&step).unwrap_or_default() {
-            if holds && self.is_true(&at_moment(&condition, Moment::End), &mut bindings)? {
-                let ended = self.changes(&effect, Some(Moment::End), &mut bindings)?;
-                changes.join(ended, self)?;
-            }
-        }
-        Ok(())
-    }
-
     /// What must hold all the time a running action takes.
     fn invariant(&mut self, instances: &[Instance<'_>], step: usize) -> Result<(), Stop> {
         let Some(instance) = instances.get(step) else { return Ok(()) };
@@ -482,117 +425,6 @@ impl State<'_> {
         self.pending.insert(step, pending);
         Ok(())
     }
-
-    /// Adds what the derived predicates that are looked at look at themselves, through all rules.
-    fn derived_reads(&self, reads: &mut HashSet<Ground>) -> Result<(), EvaluationError> {
-        let is_derived = |fact: &Ground| fact.first().is_some_and(|head| self.domain.derived.contains(head));
-        let mut todo: Vec<Ground> = reads.iter().filter(|fact| is_derived(fact)).cloned().collect();
-        while let Some(fact) = todo.pop() {
-            let objects = fact.get(1..).unwrap_or_default();
-            for rule in self.domain.rules.iter().filter(|rule| fact.first() == Some(&rule.predicate)) {
-                let fits = |(object, variable): (&u32, &Variable)| self.is_member(*object, &variable.kind);
-                if !objects.iter().zip(&rule.variables).all(fits) {
-                    continue;
-                }
-                let mut found = HashSet::new();
-                self.reads(&rule.condition, &mut objects.to_vec(), &mut found)?;
-                for fact in found {
-                    if reads.insert(fact.clone()) && is_derived(&fact) {
-                        todo.push(fact);
-                    }
-                }
-            }
-            if reads.len() > READS {
-                let reason = "what derived predicates look at while other things happen is too much to compare";
-                return Err(EvaluationError::Unchecked(reason.to_owned()));
-            }
-        }
-        Ok(())
-    }
-
-    /// The facts and values that a condition looks at. Under a derived predicate, that is the predicate itself.
-    fn reads(
-        &self,
-        formula: &Formula,
-        bindings: &mut Bindings,
-        reads: &mut HashSet<Ground>,
-    ) -> Result<(), EvaluationError> {
-        match formula {
-            Formula::Fact(fact) => {
-                reads.insert(self.ground(fact.predicate, &fact.arguments, bindings)?);
-                Ok(())
-            }
-            Formula::Compare(_, left, right) => {
-                self.number_reads(left, bindings, reads)?;
-                self.number_reads(right, bindings, reads)
-            }
-            Formula::And(parts) | Formula::Or(parts) => {
-                parts.iter().try_for_each(|part| self.reads(part, bindings, reads))
-            }
-            Formula::Imply(left, right) => {
-                self.reads(left, bindings, reads)?;
-                self.reads(right, bindings, reads)
-            }
-            Formula::Not(inner) | Formula::Timed(_, inner) => self.reads(inner, bindings, reads),
-            Formula::Forall(quantifier, inner) | Formula::Exists(quantifier, inner) => self
-                .each(quantifier, bindings, |bindings| {
-                    self.reads(inner, bindings, reads)?;
-                    Ok(false)
-                })
-                .map(drop),
-            Formula::Same(..) | Formula::Preference(..) | Formula::Modal(..) => Ok(()),
-        }
-    }
-
-    /// The facts and values that an effect looks at.
-    fn effect_reads(
-        &self,
-        change: &Change,
-        moment: Option<Moment>,
-        bindings: &mut Bindings,
-        reads: &mut HashSet<Ground>,
-    ) -> Result<(), EvaluationError> {
-        match change {
-            Change::And(parts) => parts.iter().try_for_each(|part| self.effect_reads(part, moment, bindings, reads)),
-            Change::Timed(when, inner) if moment.is_none_or(|moment| moment == *when) => {
-                self.effect_reads(inner, moment, bindings, reads)
-            }
-            Change::Forall(quantifier, inner) => self
-                .each(quantifier, bindings, |bindings| {
-                    self.effect_reads(inner, moment, bindings, reads)?;
-                    Ok(false)
-                })
-                .map(drop),
-            Change::When(condition, inner) => {
-                match moment.filter(|moment| looks_elsewhere(condition, *moment)) {
-                    Some(moment) => self.reads(&at_moment(condition, moment), bindings, reads)?,
-                    None => self.reads(condition, bindings, reads)?,
-                }
-                self.effect_reads(inner, moment, bindings, reads)
-            }
-            Change::Assign(_, _, value) => self.number_reads(value, bindings, reads),
-            Change::Timed(..) | Change::Add(_) | Change::Delete(_) | Change::AssignObject => Ok(()),
-        }
-    }
-
-    fn number_reads(
-        &self,
-        number: &Number,
-        bindings: &Bindings,
-        reads: &mut HashSet<Ground>,
-    ) -> Result<(), EvaluationError> {
-        match number {
-            Number::Fluent(fluent) => {
-                let ground = self.ground(fluent.function, &fluent.arguments, bindings)?;
-                reads.insert(function_key(&ground));
-                Ok(())
-            }
-            Number::Operation(_, operands) => {
-                operands.iter().try_for_each(|operand| self.number_reads(operand, bindings, reads))
-            }
-            _ => Ok(()),
-        }
-    }
 }
 
 /// Refuses an action whose effects happen little by little.
@@ -603,84 +435,9 @@ fn check_continuous(instance: &Instance<'_>) -> Result<(), Stop> {
     }
 }
 
-/// A function among facts: its number is counted from the other end, so that it is not a predicate's.
-fn function_key(ground: &Ground) -> Ground {
-    let mut key = ground.clone();
-    if let Some(function) = key.first_mut() {
-        *function = !*function;
-    }
-    key
-}
-
-/// The steps that read, add and delete each fact, and that read and change each number, at one time.
-#[derive(Default)]
-struct Uses<'e> {
-    reads: HashMap<&'e Ground, Vec<usize>>,
-    changes: HashMap<Ground, Vec<(usize, Touch)>>,
-}
-
-/// How a fact is touched.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Touch {
-    Added,
-    Deleted,
-    /// A number is increased or decreased, which several may do at once.
-    Shifted,
-    /// A number gets a value or a multiple of its value, which nothing else may do at the same time.
-    Computed,
-}
-
-impl Touch {
-    fn interferes(self, other: Self) -> bool {
-        matches!((self, other), (Self::Added, Self::Deleted) | (Self::Deleted, Self::Added))
-            || matches!(
-                (self, other),
-                (Self::Computed, Self::Computed | Self::Shifted) | (Self::Shifted, Self::Computed)
-            )
-    }
-}
-
 /// What happens at one time must not be about the same facts, unless all only look.
 fn check_interference(effects: &[Effects], instances: &[Instance<'_>]) -> Result<(), Stop> {
-    let mut uses = Uses::default();
-    for (place, Effects { reads, changes, .. }) in effects.iter().enumerate() {
-        for fact in reads {
-            uses.reads.entry(fact).or_default().push(place);
-        }
-        let adds = changes.adds.iter().map(|fact| (fact.clone(), Touch::Added));
-        let deletes = changes.deletes.iter().map(|fact| (fact.clone(), Touch::Deleted));
-        let values = changes.values.iter().map(|(fluent, update)| match update {
-            Update::Shift(_) => (function_key(fluent), Touch::Shifted),
-            Update::Assign(_) | Update::Scale(_) => (function_key(fluent), Touch::Computed),
-        });
-        for (fact, touch) in adds.chain(deletes).chain(values) {
-            uses.changes.entry(fact).or_default().push((place, touch));
-        }
-    }
-    // Of several, the first in the plan is reported.
-    let mut worst: Option<(usize, usize)> = None;
-    let mut note = |one: usize, other: usize| {
-        let pair = (one.min(other), one.max(other));
-        let has_step =
-            [pair.0, pair.1].iter().any(|place| effects.get(*place).is_some_and(|effect| effect.step.is_some()));
-        if has_step && worst.is_none_or(|worst| pair < worst) {
-            worst = Some(pair);
-        }
-    };
-    for (fact, touches) in &uses.changes {
-        let readers = uses.reads.get(fact).map_or(&[][..], Vec::as_slice);
-        // A pair is enough: one of the first that touch it, which are two at least, with another that reads or undoes it.
-        for (place, touch) in touches.iter().take(3) {
-            if let Some(reader) = readers.iter().find(|reader| *reader != place) {
-                note(*place, *reader);
-            }
-            let undoes = |(other, how): &&(usize, Touch)| other != place && touch.interferes(*how);
-            if let Some((other, _)) = touches.iter().find(undoes) {
-                note(*place, *other);
-            }
-        }
-    }
-    let Some((one, other)) = worst else { return Ok(()) };
+    let Some((one, other)) = interfering(effects) else { return Ok(()) };
     let step = |place: usize| effects.get(place).and_then(|effect| effect.step);
     let (first, second) = (step(one).min(step(other)), step(one).max(step(other)));
     let with = first.map_or_else(|| "a timed initial literal".to_owned(), |with| text(instances, with));
