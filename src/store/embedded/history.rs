@@ -268,8 +268,10 @@ fn advance(connection: &Connection, pattern: &Namespace, cut: i64) -> rusqlite::
 
 /// Notes the runs whose changes go: for each collection, the first and the last of them.
 fn note_cut_runs(connection: &Connection, pattern: &Namespace, cut: i64) -> rusqlite::Result<()> {
-    // A file whose history an earlier rmem began has no such table.
-    prepare(connection)?;
+    if !has_cut_runs(connection)? {
+        // An earlier rmem began this history.
+        prepare(connection)?;
+    }
     let sql = "INSERT INTO cut_runs (database, collection, run, first, last)
                SELECT database, collection, run, min(sequence), max(sequence) FROM changes JOIN origins USING (sequence)
                WHERE sequence > (SELECT position FROM watchers WHERE name = ?1) AND sequence <= ?2
@@ -281,9 +283,13 @@ fn note_cut_runs(connection: &Connection, pattern: &Namespace, cut: i64) -> rusq
     connection.execute(sql, [GONE_RUNS]).map(|_| ())
 }
 
+fn has_cut_runs(connection: &Connection) -> rusqlite::Result<bool> {
+    connection.prepare_cached("SELECT 1 FROM sqlite_schema WHERE name = 'cut_runs'")?.exists([])
+}
+
 /// The runs of which the history of a collection, kept behind a position, has not all changes.
 pub(super) fn cut_runs(connection: &Connection, ns: &Namespace, position: i64) -> rusqlite::Result<HashSet<i64>> {
-    if !connection.prepare_cached("SELECT 1 FROM sqlite_schema WHERE name = 'cut_runs'")?.exists([])? {
+    if !has_cut_runs(connection)? {
         return Ok(HashSet::new());
     }
     let sql = "SELECT run FROM cut_runs WHERE database = ? AND collection = ? AND first <= ?";
