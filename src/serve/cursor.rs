@@ -147,13 +147,48 @@ pub(super) struct Cursors(Mutex<All>);
 #[derive(Default)]
 struct All {
     open: HashMap<i64, Open>,
+    /// How many of them each connection has.
+    counts: Counts,
     ended: Ended,
 }
 
+/// How many cursors each connection has, by its number; connections without any are left out.
+#[derive(Default)]
+struct Counts(HashMap<i64, usize>);
+
+impl Counts {
+    fn of(&self, connection: i64) -> usize {
+        self.0.get(&connection).copied().unwrap_or_default()
+    }
+
+    fn add(&mut self, connection: i64) {
+        *self.0.entry(connection).or_default() += 1;
+    }
+
+    fn remove(&mut self, connection: i64) {
+        let rest = self.of(connection).saturating_sub(1);
+        match rest {
+            0 => drop(self.0.remove(&connection)),
+            rest => drop(self.0.insert(connection, rest)),
+        }
+    }
+}
+
 impl All {
+    fn insert(&mut self, id: i64, cursor: Open) {
+        self.counts.add(cursor.connection);
+        self.open.insert(id, cursor);
+    }
+
+    fn remove(&mut self, id: i64) -> Option<Open> {
+        let removed = self.open.remove(&id)?;
+        self.counts.remove(removed.connection);
+        Some(removed)
+    }
+
     /// Closes a cursor; its thread frees it.
     fn close(&mut self, id: i64) -> bool {
-        let removed = self.open.remove(&id);
+        let removed = self.remove(id);
         if let Some(Open { owner: Owner::Thread(mailbox), .. }) = &removed {
             mailbox.send(ThreadMessage::Kill(id));
         }
@@ -185,7 +220,7 @@ impl Cursors {
             let message = format!("{most} cursors {whose}are open; close some, or let them be read to their end");
             Err(Failure::new(codes::FAILED, message))
         };
-        if cursors.open.values().filter(|open| open.connection == cursor.connection).count() >= MOST_OF_ONE {
+        if cursors.counts.of(cursor.connection) >= MOST_OF_ONE {
             return full(MOST_OF_ONE, "of this connection ");
         }
         if cursors.open.len() >= MOST && !cursors.close_left() {
@@ -197,7 +232,7 @@ impl Cursors {
                 break id;
             }
         };
-        cursors.open.insert(id, cursor);
+        cursors.insert(id, cursor);
         Ok(id)
     }
 
@@ -207,7 +242,12 @@ impl Cursors {
 
     /// Notes that a connection reads a cursor.
     pub(super) fn touch(&self, id: i64, connection: i64) {
-        if let Some(open) = self.lock().open.get_mut(&id) {
+        let All { open, counts, .. } = &mut *self.lock();
+        if let Some(open) = open.get_mut(&id) {
+            if open.connection != connection {
+                counts.remove(open.connection);
+                counts.add(connection);
+            }
             (open.connection, open.has_left, open.used) = (connection, false, Instant::now());
         }
     }
@@ -238,13 +278,13 @@ impl Cursors {
 
     /// Forgets a cursor that its thread has let go of.
     pub(super) fn forget(&self, id: i64) {
-        self.lock().open.remove(&id);
+        self.lock().remove(id);
     }
 
     /// Closes a cursor with its transaction.
     pub(super) fn end(&self, id: i64) {
         let mut cursors = self.lock();
-        if let Some(open) = cursors.open.remove(&id) {
+        if let Some(open) = cursors.remove(id) {
             cursors.ended.add(id, open.origin);
         }
     }
@@ -263,10 +303,19 @@ impl Cursors {
 
     /// Closes the change streams that were not read since a time.
     pub(super) fn expire_streams(&self, is_old: impl Fn(Instant) -> bool) {
-        self.lock().open.retain(|_, open| match &open.owner {
-            // One that is being read is in use.
-            Owner::Stream(stream) => stream.try_lock().is_ok_and(|stream| !is_old(stream.used)) || is_locked(stream),
-            Owner::Thread(_) => true,
+        let All { open, counts, .. } = &mut *self.lock();
+        open.retain(|_, open| {
+            let is_kept = match &open.owner {
+                // One that is being read is in use.
+                Owner::Stream(stream) => {
+                    stream.try_lock().is_ok_and(|stream| !is_old(stream.used)) || is_locked(stream)
+                }
+                Owner::Thread(_) => true,
+            };
+            if !is_kept {
+                counts.remove(open.connection);
+            }
+            is_kept
         });
     }
 
@@ -313,6 +362,10 @@ mod tests {
         );
         assert!(matches!(inbox.take(), Some(ThreadMessage::Kill(id)) if id == all[7][1]));
         assert_eq!(cursors.count(), MOST);
+        // Those that are closed or read by another connection do not count.
+        assert!(open(8).is_err(), "it has one more than it opened");
+        assert!(all[8].iter().take(2).all(|id| cursors.kill(*id)));
+        assert!(open(8).is_ok() && open(8).is_err());
     }
 
     #[test]
