@@ -60,12 +60,12 @@ pub struct HolderOptions {
 }
 
 /// The longest time that a lock is held: a hundred years. Dates end some time after.
-const LONGEST: Duration = Duration::from_secs(36_500 * 86_400);
+const MAX_TTL: Duration = Duration::from_secs(36_500 * 86_400);
 
 fn ttl(text: &str) -> Result<Duration, String> {
     match quantity::duration(text)? {
         Duration::ZERO => Err("a lock with --ttl 0s ends at once; expected more than 0s".to_owned()),
-        ttl if ttl <= LONGEST => Ok(ttl),
+        ttl if ttl <= MAX_TTL => Ok(ttl),
         _ => Err(format!("{text} is too long; expected at most 36500d")),
     }
 }

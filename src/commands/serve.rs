@@ -19,8 +19,8 @@ use crate::serve::{Address, Listener, Opener, Options, Running, Server, Tls, Use
 use crate::settings::{Origin, Settings};
 use crate::store::{StoreError, StoreUri};
 
-/// How often it is looked whether the server is to end.
-const SLICE: Duration = Duration::from_millis(20);
+/// How often to check whether the server is to end: a user does not notice the delay.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Serve the memory to MongoDB clients: drivers, mongosh, Compass
 #[derive(Debug, Args)]
@@ -261,7 +261,7 @@ fn notify_socket(context: &Context<'_>) -> Option<String> {
 /// Waits until the server is to end; an error where a file is not there any more.
 fn wait(interrupted: &AtomicBool, server: &Server) -> Result<()> {
     while !interrupted.load(Ordering::Relaxed) {
-        std::thread::sleep(SLICE);
+        std::thread::sleep(POLL_INTERVAL);
         server.check_files()?;
     }
     Ok(())

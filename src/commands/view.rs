@@ -35,10 +35,10 @@ pub struct ViewArgs {
     pub namespace: Option<Namespace>,
 }
 
-/// How long a key is waited for before the memory is looked at.
-const TICK: Duration = Duration::from_millis(100);
+/// How long to wait for a key before the memory is asked for changes: what is shown is no older than this.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// How long the browser may take to end once its terminal is gone.
-const GRACE: Duration = Duration::from_secs(1);
+const EXIT_TIMEOUT: Duration = Duration::from_secs(1);
 
 pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     if !context.is_terminal() {
@@ -85,7 +85,7 @@ fn browse(browser: &mut Browser<'_>, screen: Screen<'_>, signals: &Signals) -> R
             suspend(&mut terminal)?;
         }
         is_changed |= browser.refresh()?;
-        if is_hung_up(TICK) {
+        if is_hung_up(POLL_INTERVAL) {
             return Ok(Exit::Interrupted);
         }
         while event::poll(Duration::ZERO)? {
@@ -140,7 +140,7 @@ fn end_with_terminal() {
                 Err(_) => return,
             }
         }
-        std::thread::sleep(GRACE);
+        std::thread::sleep(EXIT_TIMEOUT);
         #[expect(clippy::exit, reason = "the other thread cannot be reached")]
         std::process::exit(Exit::Interrupted.code().into());
     });

@@ -114,15 +114,15 @@ pub struct WatchArgs {
     pub meta: bool,
 }
 
-/// How long nothing is looked at but the memory.
-const SLICE: Duration = Duration::from_millis(250);
+/// How long to wait for changes before interruption and time are checked.
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
 /// How long after a change was printed its position is kept at the latest; a kept
 /// position is a durable write, and more than one change may be behind it.
-const LAG: Duration = Duration::from_millis(100);
+const MAX_POSITION_DELAY: Duration = Duration::from_millis(100);
 /// How long nothing more comes until the position is kept earlier.
-const LULL: Duration = Duration::from_millis(20);
-/// How long one waits before a store is looked for again.
-const RETREAT: Duration = Duration::from_millis(500);
+const QUIET_TIME: Duration = Duration::from_millis(20);
+/// How long to wait before a store that cannot be reached is tried again.
+const RETRY_DELAY: Duration = Duration::from_millis(500);
 
 pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     // The command line has one or the other.
@@ -298,7 +298,7 @@ impl Session<'_> {
                 context.output.note(&format!("watching {} again", self.namespace));
             }
             let count = |counting: &mut Counting<'_>| {
-                let is_due = counting.changed.is_some_and(|changed| quiet || changed.elapsed() >= LAG);
+                let is_due = counting.changed.is_some_and(|changed| quiet || changed.elapsed() >= MAX_POSITION_DELAY);
                 if is_due { counting.event(self.namespace) } else { Ok(None) }
             };
             let event = self.counting.as_mut().map(count).transpose();
@@ -328,14 +328,14 @@ impl Session<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
-        let slice = if self.behind { LULL } else { SLICE };
+        let slice = if self.behind { QUIET_TIME } else { POLL_INTERVAL };
         let left = self.delivery.deadline.map_or(slice, |deadline| deadline.saturating_duration_since(Instant::now()));
         self.watch.next(left.min(slice)).map_err(|error| blame(error, &[("<query>", &self.args.query)]))
     }
 
     /// Keeps the position, where nothing more comes for now or it was not kept for long.
     fn keep(&mut self, quiet: bool) -> Result<()> {
-        if quiet || self.kept.is_none_or(|kept| kept.elapsed() >= LAG) {
+        if quiet || self.kept.is_none_or(|kept| kept.elapsed() >= MAX_POSITION_DELAY) {
             self.watch.done()?;
             (self.kept, self.behind) = (Some(Instant::now()), false);
         }
@@ -361,7 +361,7 @@ pub(super) fn retreat(error: &StoreError, lost: &mut bool, context: &mut Context
     if !std::mem::replace(lost, true) {
         context.output.warn(&format!("{error}; trying again"));
     }
-    std::thread::sleep(RETREAT);
+    std::thread::sleep(RETRY_DELAY);
 }
 
 #[cfg(test)]

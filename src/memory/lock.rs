@@ -17,9 +17,9 @@ use crate::query::QueryError;
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// How long a waiting process sleeps at first …
-const SHORTEST: Duration = Duration::from_millis(5);
+const MIN_BACKOFF: Duration = Duration::from_millis(5);
 /// … and at most.
-const LONGEST: Duration = Duration::from_millis(250);
+const MAX_BACKOFF: Duration = Duration::from_millis(250);
 
 /// How much later than now a lock may have been taken without a note, in milliseconds: the clocks of machines differ.
 const CLOCK_DIFFERENCE: i64 = 5_000;
@@ -76,7 +76,7 @@ impl Mutex {
                     return Ok(Tried::Held(Holder::of(&document)));
                 }
                 // The holder has just unlocked it.
-                _ => std::thread::sleep(SHORTEST),
+                _ => std::thread::sleep(MIN_BACKOFF),
             }
         }
     }
@@ -103,7 +103,7 @@ impl Mutex {
     /// # Errors
     /// Where the store fails.
     pub fn lock(&self, memory: &Memory, ttl: Option<Duration>, timeout: Duration) -> Result<Tried, StoreError> {
-        let (start, mut pause) = (Instant::now(), SHORTEST);
+        let (start, mut pause) = (Instant::now(), MIN_BACKOFF);
         loop {
             let tried = self.try_lock(memory, ttl)?;
             let left = timeout.saturating_sub(start.elapsed());
@@ -111,7 +111,7 @@ impl Mutex {
                 return Ok(tried);
             }
             std::thread::sleep(pause.min(left));
-            pause = (pause * 2).min(LONGEST);
+            pause = (pause * 2).min(MAX_BACKOFF);
         }
     }
 

@@ -21,8 +21,8 @@ use super::task::Task;
 use crate::pddl::Plan;
 use crate::process::{Host, Limits, Pool};
 
-/// How often an interruption is looked for.
-const LOOK: Duration = Duration::from_millis(20);
+/// How often to look whether the race was interrupted: a user does not notice the delay.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A race that is over.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,7 +117,7 @@ impl<'a> Portfolio<'a> {
             drop(sender);
             meanwhile();
             loop {
-                match ended.recv_timeout(LOOK) {
+                match ended.recv_timeout(POLL_INTERVAL) {
                     Ok((place, run)) => {
                         let is_over = match run.outcome {
                             Outcome::Plan(_) => !is_for_best,

@@ -23,8 +23,8 @@ use super::supervisor::GRACE;
 use super::usage;
 use crate::formats::Source;
 
-/// How often interruption, time and output are checked.
-const LOOK: Duration = Duration::from_millis(20);
+/// How often interruption, time and output are checked: a user does not notice the delay, and looking costs little.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// How long the supervisor may take to report beyond the grace, before it is killed.
 const REPORT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -107,7 +107,7 @@ impl Supervisor {
         let mut stopped: Option<(End, Instant)> = None;
         loop {
             let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
-            let timeout = rest.unwrap_or(LOOK).clamp(Duration::from_millis(1), LOOK);
+            let timeout = rest.unwrap_or(POLL_INTERVAL).clamp(Duration::from_millis(1), POLL_INTERVAL);
             match self.receive(timeout) {
                 Ok(Some(Message::Ended(end, usage))) => {
                     return (stopped.map_or(end, |(reason, _)| reason), Some(usage));

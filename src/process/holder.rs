@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 const REMOVAL_TIMEOUT: Duration = Duration::from_secs(1);
 /// How long a running process is looked at for signs of its end: a kill that was just sent may not show yet.
 const SIGN_TIMEOUT: Duration = Duration::from_millis(50);
-/// How long one waits between two looks at a process.
-const PAUSE: Duration = Duration::from_millis(5);
+/// How long to wait between two looks at a process. Short, because a process that was killed is gone within milliseconds.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// A process of this machine or of another.
 ///
@@ -78,7 +78,7 @@ impl Holder {
             if since.elapsed() >= timeout {
                 return false;
             }
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use super::holder::{Holder, Life};
 
-/// When the files of a process that cannot be seen from here are removed.
-const OLD: Duration = Duration::from_secs(24 * 3600);
+/// The age at which the files of a process that cannot be seen from here are removed: no run is expected to take a day.
+const MAX_AGE: Duration = Duration::from_secs(24 * 3600);
 
 /// Returns the beginning of a name for a temporary file of this process, to be followed by random
 /// letters. Removes what killed processes left in the folder under names with the same prefix.
@@ -27,7 +27,7 @@ fn sweep(folder: &Path, prefix: &str) {
         let Some(tag) = name.to_str().and_then(|name| name.strip_prefix(prefix)?.rsplit_once('-')) else { continue };
         let Some(life) = Holder::life_of(tag.0) else { continue };
         let Ok(found) = entry.metadata() else { continue };
-        let is_old = found.modified().ok().and_then(|at| at.elapsed().ok()).is_some_and(|age| age > OLD);
+        let is_old = found.modified().ok().and_then(|at| at.elapsed().ok()).is_some_and(|age| age > MAX_AGE);
         if life == Life::Over || (life != Life::Running && is_old) {
             let _ = match found.is_dir() {
                 true => fs::remove_dir_all(entry.path()),

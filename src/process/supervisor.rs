@@ -62,8 +62,9 @@ const LONG_GRACE: Duration = Duration::from_secs(2);
 /// How long the supervisor tries to reap the remaining processes.
 const REAP_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// How often the memory of the program's processes is looked at, where it is limited.
-const LOOK: Duration = Duration::from_millis(25);
+/// How often the memory of the program's processes is measured, where it is limited: often enough that they cannot fill the
+/// machine in between.
+const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
 /// What makes a supervisor's child of rmem the program.
 const EXEC: &str = "--exec";
@@ -238,7 +239,7 @@ impl Lifeline {
         // Without pidfds (old kernels) the program's end has to be looked for.
         let timeout = match program {
             Some(_) => timeout,
-            None => Some(timeout.unwrap_or(LOOK).min(Duration::from_millis(2))),
+            None => Some(timeout.unwrap_or(POLL_INTERVAL).min(Duration::from_millis(2))),
         };
         match poll(&mut waits, timeout.and_then(|timeout| Timespec::try_from(timeout).ok()).as_ref()) {
             Ok(_) | Err(Errno::INTR) => {}
@@ -344,7 +345,7 @@ impl Supervised {
     fn timeout(&self, deadline: Option<Instant>) -> Option<Duration> {
         match deadline {
             Some(deadline) => Some(deadline.saturating_duration_since(Instant::now())),
-            None => self.limit.map(|_| LOOK),
+            None => self.limit.map(|_| POLL_INTERVAL),
         }
     }
 

@@ -22,8 +22,8 @@ use crate::memory::watch::{Trigger, Watch};
 use crate::query::{Filter, QueryError};
 use crate::store::{Change, ChangeKind, Find, Namespace, Next, StoreError};
 
-/// How long one collection is waited for before the next is looked at.
-const TURN: Duration = Duration::from_millis(5);
+/// How long to wait for a change of one collection before the next one is asked. Short, because they are asked in turn.
+const POLL_TIMEOUT: Duration = Duration::from_millis(5);
 
 /// What is followed.
 pub struct Follower<'a> {
@@ -211,7 +211,7 @@ impl<'a> Follower<'a> {
                 return self.announced(report);
             }
             self.turn = (self.turn + 1) % self.watches.len();
-            if let Some(event) = self.look(self.turn, left.min(TURN))? {
+            if let Some(event) = self.look(self.turn, left.min(POLL_TIMEOUT))? {
                 return Ok(event);
             }
         }

@@ -12,7 +12,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use super::client::Client;
 use super::command;
 use super::failure::{Answer, Failure, codes};
-use super::host::{Host, Lazy, TICK};
+use super::host::{EXPIRY_INTERVAL, Host, Lazy};
 use super::job::{Abandoned, Job};
 use super::panic;
 use super::server::{Counters, Server};
@@ -42,7 +42,7 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
 /// Other connections of the client may still read the cursors of this one.
 fn linger(mut host: Host<'_>) {
     while host.has_cursors() && !host.server.is_stopping() {
-        if let Some(message) = host.inbox.receive(TICK.min(Duration::from_secs(1))) {
+        if let Some(message) = host.inbox.receive(EXPIRY_INTERVAL.min(Duration::from_secs(1))) {
             host.handle(message);
         }
         host.expire();
@@ -114,7 +114,7 @@ impl Connection<'_> {
 
     /// Answers messages of other threads until the client sends something.
     fn listen(&mut self) -> Result<(), WireError> {
-        let limit = Timespec::try_from(TICK).ok();
+        let limit = Timespec::try_from(EXPIRY_INTERVAL).ok();
         loop {
             let (mut received, mut woken) = (false, false);
             {

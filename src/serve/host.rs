@@ -19,8 +19,8 @@ use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 
-/// How long a thread that has cursors waits before it looks for those that are too old.
-pub(super) const TICK: Duration = Duration::from_secs(10);
+/// How often a thread that has cursors looks for those that are too old. Cursors live for minutes.
+pub(super) const EXPIRY_INTERVAL: Duration = Duration::from_secs(10);
 
 /// How many bytes a connection keeps of what it has read; the system keeps the rest for all.
 const CACHE: usize = 2 << 20;
@@ -141,7 +141,8 @@ impl<'m> Host<'m> {
     fn wait_until(&mut self, question: Question, mut limit: Option<(Instant, Claim)>) -> Answer {
         loop {
             let left = limit.as_ref().map(|(deadline, _)| deadline.saturating_duration_since(Instant::now()));
-            match self.server.turns.paused(|| self.inbox.receive(left.unwrap_or(TICK).min(TICK))) {
+            let timeout = left.map_or(EXPIRY_INTERVAL, |left| left.min(EXPIRY_INTERVAL));
+            match self.server.turns.paused(|| self.inbox.receive(timeout)) {
                 Some(ThreadMessage::Answer(number, answer)) if question.is(number) => return answer,
                 Some(message) => self.handle(message),
                 None => self.expire(),

@@ -22,8 +22,8 @@ use super::server::{Server, thread};
 use super::stream::Stream;
 use super::tls::Tls;
 
-/// How often it is looked whether the server is to end.
-const SLICE: Duration = Duration::from_millis(100);
+/// How often to check whether the server is to end: that is how long an idle one takes to notice.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Why the server cannot listen.
 #[derive(Debug, thiserror::Error)]
@@ -135,7 +135,7 @@ impl Listener {
         while !server.is_stopping() {
             match self.accept(server) {
                 Ok(()) => {}
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => self.kind.wait(SLICE),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => self.kind.wait(POLL_INTERVAL),
                 // Too many files are open, or a client has left before it was let in.
                 Err(_) => std::thread::sleep(Duration::from_millis(10)),
             }

@@ -17,8 +17,8 @@ use crate::store::FileIdentity;
 
 /// How often a lock is tried that another process has: [`holder`] has it for a moment.
 const ATTEMPTS: u32 = 20;
-/// The time between two attempts.
-const PAUSE: Duration = Duration::from_millis(5);
+/// The time between two attempts: [`holder`] has the lock for less.
+const RETRY_DELAY: Duration = Duration::from_millis(5);
 
 /// While it lives, no other process serves the file.
 pub struct Lock {
@@ -93,7 +93,7 @@ impl Lock {
             let file =
                 OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(failed)?;
             if !try_lock(&file, FlockOperation::NonBlockingLockExclusive).map_err(failed)? {
-                std::thread::sleep(PAUSE);
+                std::thread::sleep(RETRY_DELAY);
             } else if is_at(&file, &path) {
                 // Here may be how a server is reached that was killed.
                 file.set_len(0).map_err(failed)?;
@@ -228,7 +228,7 @@ mod tests {
         assert!(try_lock(&probe, FlockOperation::NonBlockingLockShared).unwrap());
         let other = memory.clone();
         let server = std::thread::spawn(move || Lock::take(&other).map(drop));
-        std::thread::sleep(PAUSE * 2);
+        std::thread::sleep(RETRY_DELAY * 2);
         drop(probe);
         server.join().unwrap().unwrap();
     }

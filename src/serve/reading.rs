@@ -18,8 +18,8 @@ use crate::store::Namespace;
 
 /// At most so many have a thread; others read in the writer's.
 const MOST: usize = 200;
-/// How often a thread looks whether its time is over.
-const SLICE: Duration = Duration::from_millis(200);
+/// How often a thread checks whether its time is over.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 /// Runs a command where its transaction is.
 pub(super) type Command = fn(&mut Host<'_>, &Call) -> Answer;
 
@@ -147,7 +147,7 @@ fn answer_all(
     until: Instant,
 ) -> Option<Sender<bool>> {
     loop {
-        match asked.recv_timeout(SLICE) {
+        match asked.recv_timeout(POLL_INTERVAL) {
             Ok(Ask::Run { call, reply }) => {
                 let answer = panic::caught(|| command(host, &call));
                 let is_failed = answer.is_err() && !is_write(&answer);
@@ -189,7 +189,7 @@ fn give_cursors(host: &mut Host<'_>, asked: &Receiver<Ask>, until: Instant) {
         if matches!(asked.try_recv(), Err(TryRecvError::Disconnected)) {
             return;
         }
-        if let Some(message) = host.inbox.receive(SLICE) {
+        if let Some(message) = host.inbox.receive(POLL_INTERVAL) {
             host.handle(message);
         }
     }

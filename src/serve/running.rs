@@ -8,8 +8,8 @@ use super::job::Job;
 use super::server::{Opener, Options, Server, thread};
 use super::writer;
 
-/// How long connections have to end when the server does.
-const GRACE: Duration = Duration::from_secs(10);
+/// How long connections have to end when the server does; then they are cut.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The server's own thread; to be ended by [`Running::stop`].
 pub struct Running {
@@ -39,7 +39,7 @@ impl Running {
     pub fn stop(self) {
         let since = Instant::now();
         self.server.stop();
-        while self.server.connected() > 0 && since.elapsed() < GRACE {
+        while self.server.connected() > 0 && since.elapsed() < SHUTDOWN_TIMEOUT {
             self.server.stop();
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -11,7 +11,7 @@ use std::time::Duration;
 use rustls::{ServerConnection, StreamOwned};
 
 /// How long a client may be silent within a message, or not take an answer.
-const SILENCE: Duration = Duration::from_secs(30);
+const IO_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A connection's bytes.
 pub(super) enum Stream {
@@ -50,15 +50,15 @@ impl Stream {
     /// A connection over a port.
     pub(super) fn tcp(stream: TcpStream) -> io::Result<Self> {
         stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(SILENCE))?;
-        stream.set_write_timeout(Some(SILENCE))?;
+        stream.set_read_timeout(Some(IO_TIMEOUT))?;
+        stream.set_write_timeout(Some(IO_TIMEOUT))?;
         Ok(Self::Tcp(stream))
     }
 
     /// A connection over a Unix socket.
     pub(super) fn unix(stream: UnixStream) -> io::Result<Self> {
-        stream.set_read_timeout(Some(SILENCE))?;
-        stream.set_write_timeout(Some(SILENCE))?;
+        stream.set_read_timeout(Some(IO_TIMEOUT))?;
+        stream.set_write_timeout(Some(IO_TIMEOUT))?;
         Ok(Self::Unix(stream))
     }
 

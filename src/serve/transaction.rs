@@ -25,8 +25,8 @@ use crate::store::{Namespace, StoreError};
 
 /// How long the first command of a transaction waits for one that is open.
 const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
-/// How often it is looked whether one has waited long enough.
-const SLICE: Duration = Duration::from_millis(200);
+/// How often a transaction that waits checks whether it has waited long enough.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Where what is kept of transactions is.
 fn records() -> Namespace {
@@ -168,7 +168,7 @@ impl Open {
             }
             refuse_overdue(context);
             let left = self.until.saturating_duration_since(Instant::now());
-            match context.arriving(left.min(SLICE)) {
+            match context.arriving(left.min(POLL_INTERVAL)) {
                 None if left.is_zero() => break End::Abort(None),
                 None => host.handle_messages(),
                 Some(Job::Step(step)) if step.once == self.once => match step.action {

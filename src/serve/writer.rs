@@ -27,11 +27,11 @@ use crate::store::Namespace;
 /// At most so many writes are made durable at once …
 const MOST: usize = 512;
 /// … and none waits longer for others to be done than about so long.
-const LONGEST: Duration = Duration::from_millis(20);
+const MAX_GROUP_DELAY: Duration = Duration::from_millis(20);
 /// How often what is kept for change streams is looked after, and what is due removed.
-const BEAT: Duration = Duration::from_secs(15);
-/// How long what a session did last is remembered.
-const MEMORY: Duration = Duration::from_secs(30 * 60);
+const MAINTENANCE_INTERVAL: Duration = Duration::from_secs(15);
+/// How long what a session did last is remembered: as long as MongoDB keeps a session that is not used.
+const SESSION_TIMEOUT: Duration = Duration::from_secs(30 * 60);
 
 /// Writes until the server ends.
 pub(super) fn run(server: &Arc<Server>, jobs: &Receiver<Job>) {
@@ -51,12 +51,12 @@ impl WriterContext<'_> {
     fn work(&mut self) {
         let mut beat = Instant::now();
         loop {
-            match self.next(BEAT.saturating_sub(beat.elapsed())) {
+            match self.next(MAINTENANCE_INTERVAL.saturating_sub(beat.elapsed())) {
                 Some(Job::Stop) => return self.fold(),
                 Some(job) => self.perform(job),
                 None => {}
             }
-            if beat.elapsed() >= BEAT {
+            if beat.elapsed() >= MAINTENANCE_INTERVAL {
                 beat = Instant::now();
                 self.look_after();
             }
@@ -96,7 +96,7 @@ impl WriterContext<'_> {
             let work = &mut || {
                 while let Some(Write { ns, once, work, reply }) = next.take() {
                     answers.push((reply, self.step(memory, &ns, once, work)));
-                    if answers.len() < MOST && since.elapsed() < LONGEST {
+                    if answers.len() < MOST && since.elapsed() < MAX_GROUP_DELAY {
                         next = self.companion(memory, is_shared);
                     }
                 }
@@ -151,7 +151,7 @@ impl WriterContext<'_> {
 
     /// Lets go of what is too old.
     fn look_after(&mut self) {
-        self.server.sessions.forget(MEMORY);
+        self.server.sessions.forget(SESSION_TIMEOUT);
         if self.server.check_files().is_err() {
             return self.fold();
         }

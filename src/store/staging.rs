@@ -17,8 +17,8 @@ pub const RESTORE: &str = "restoring_";
 /// The prefix of what `$out` fills: a collection of rmem's own, which no list shows and no watch reports.
 pub const OUT: &str = "rmem.out_";
 
-/// When the collections of a process that cannot be seen from here are removed.
-const OLD: Duration = Duration::from_secs(24 * 3600);
+/// The age at which the collections of a process that cannot be seen from here are removed: no restore is expected to take a day.
+const MAX_AGE: Duration = Duration::from_secs(24 * 3600);
 
 /// A new name for a collection that waits, in the database of `namespace`.
 #[must_use]
@@ -41,7 +41,7 @@ pub fn is_litter(prefix: &str, collection: &str) -> bool {
         Life::Running => false,
         Life::Unseen | Life::Elsewhere => {
             let age = DateTime::now().timestamp_millis() - id.timestamp().timestamp_millis();
-            u64::try_from(age).is_ok_and(|age| Duration::from_millis(age) > OLD)
+            u64::try_from(age).is_ok_and(|age| Duration::from_millis(age) > MAX_AGE)
         }
     }
 }

@@ -17,9 +17,9 @@ use crate::memory::Memory;
 const STACK: usize = 1 << 30;
 /// How long CLIPS may take to stop. While it matches a million facts with each other it does
 /// not notice; then its thread is abandoned.
-const GRACE: Duration = Duration::from_secs(2);
-/// How often the time is looked at.
-const SLICE: Duration = Duration::from_millis(50);
+const HALT_TIMEOUT: Duration = Duration::from_secs(2);
+/// How often to check the time while a message is waited for.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// How many messages may be queued.
 const QUEUE: usize = 256;
 
@@ -55,7 +55,7 @@ pub fn run(
         };
         if let Some(ended) = stop {
             let since = *stopped.get_or_insert_with(Instant::now);
-            if since.elapsed() >= GRACE {
+            if since.elapsed() >= HALT_TIMEOUT {
                 return Ok(ended);
             }
         }
@@ -71,12 +71,12 @@ enum Received {
     Over,
 }
 
-/// Passes on the next message, if one comes within [`SLICE`].
+/// Passes on the next message, if one comes within [`POLL_INTERVAL`].
 fn next(receiver: &Receiver<Message>, receive: &mut dyn FnMut(Message) -> Result<()>) -> Result<Received> {
     let message = match receiver.try_recv() {
         Err(TryRecvError::Empty) => {
             receive(Message::Pause)?;
-            receiver.recv_timeout(SLICE)
+            receiver.recv_timeout(POLL_INTERVAL)
         }
         Err(TryRecvError::Disconnected) => Err(RecvTimeoutError::Disconnected),
         Ok(message) => Ok(message),

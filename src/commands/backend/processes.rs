@@ -11,8 +11,8 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::settings::backend::Backend;
 
-/// How often a set is asked whether a majority has come.
-const LOOK: Duration = Duration::from_millis(500);
+/// How often a set is asked whether it has a majority: an election takes seconds.
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 pub(super) fn up(args: &UpArgs, context: &mut Context<'_>) -> Result<Exit> {
     let since = Instant::now();
@@ -27,7 +27,7 @@ pub(super) fn up(args: &UpArgs, context: &mut Context<'_>) -> Result<Exit> {
         }
         let mut settled = backend::settle(&backend)?;
         while matches!(settled, Settled::Waiting { .. }) && since.elapsed() < guard {
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_INTERVAL);
             settled = backend::settle(&backend)?;
         }
         if let Some(text) = missing(&backend, &settled) {

@@ -51,8 +51,8 @@ pub struct WatchArgs {
     timeout: Option<Duration>,
 }
 
-/// How long nothing is looked at but the memory.
-const SLICE: Duration = Duration::from_millis(250);
+/// How long to wait for changes before interruption and time are checked.
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
 
 pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&crate::commands::formats::SCENE_OPERATIONS)?;
@@ -75,8 +75,8 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         if (context.output.closed())() {
             return Ok(Exit::Done);
         }
-        let left = deadline.map_or(SLICE, |deadline| deadline.saturating_duration_since(Instant::now()));
-        let (invalid, mut operations) = match follower.next(left.min(SLICE))? {
+        let left = deadline.map_or(POLL_INTERVAL, |deadline| deadline.saturating_duration_since(Instant::now()));
+        let (invalid, mut operations) = match follower.next(left.min(POLL_INTERVAL))? {
             Event::Operations(operations) => (Vec::new(), operations),
             Event::Invalid(invalid, operations) => (invalid, operations),
             Event::Nothing => (Vec::new(), Vec::new()),

@@ -18,8 +18,8 @@ use crate::output::Format;
 use crate::process::{self, End, Host, INPUT, Job, Limits, Mode};
 use crate::store::{Namespace, StoreError};
 
-/// How often a running command is looked after.
-const SLICE: Duration = Duration::from_millis(100);
+/// How often to check whether a running command has ended or is to be interrupted.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// How changes are delivered.
 pub(super) struct Delivery<'a> {
@@ -142,7 +142,7 @@ fn attend(
         let host = &host;
         let running = scope.spawn(move || drop(sender.send(process::run(job, &[(INPUT, text)], limits, host).end)));
         loop {
-            match ended.recv_timeout(SLICE) {
+            match ended.recv_timeout(POLL_INTERVAL) {
                 Ok(end) => return Ok(end),
                 Err(RecvTimeoutError::Disconnected) => return Ok(End::Failed("it was lost".to_owned())),
                 Err(RecvTimeoutError::Timeout) => {}

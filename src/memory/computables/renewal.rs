@@ -20,12 +20,12 @@ use crate::query::object_id;
 use crate::store::{Namespace, Store, StoreError};
 
 /// How long a waiting process sleeps at first …
-const SHORTEST: Duration = Duration::from_millis(2);
+const MIN_BACKOFF: Duration = Duration::from_millis(2);
 /// … and at most.
-const LONGEST: Duration = Duration::from_millis(50);
+const MAX_BACKOFF: Duration = Duration::from_millis(50);
 
 /// How long a computation may read while writers wait.
-const BRIEF: Duration = Duration::from_millis(30);
+const READ_TIME_LIMIT: Duration = Duration::from_millis(30);
 
 /// What was obtained, whether the cache had it, and how many documents it is.
 type Obtained = (Held, bool, u64);
@@ -61,7 +61,7 @@ impl Memory {
         let entry = Entry::new(store, ns, wanted.key.clone());
         let timeout = wanted.computable.body.timeout().map_or(COMPUTE_TIMEOUT, |timeout| timeout + COMPUTE_TIMEOUT);
         let renewal = Renewal { store, entry, wanted, others, good_for, timeout };
-        let (started, mut pause) = (Instant::now(), SHORTEST);
+        let (started, mut pause) = (Instant::now(), MIN_BACKOFF);
         loop {
             match renewal.entry.state(self.clock.now(), good_for)? {
                 State::Good { token, until, documents } => {
@@ -72,7 +72,7 @@ impl Memory {
                     self.check_cycle(wanted)?;
                     self.check_within()?;
                     std::thread::sleep(pause);
-                    pause = (pause * 2).min(LONGEST);
+                    pause = (pause * 2).min(MAX_BACKOFF);
                 }
                 State::Busy { until } => {
                     let words = format!("another process has been computing it for long, and may until {until}");
@@ -141,7 +141,7 @@ impl Memory {
                 return Ok(());
             }
             let (begun, mut computed) = (store.state(), (Vec::new(), None));
-            let end = *until.insert(Instant::now() + BRIEF);
+            let end = *until.insert(Instant::now() + READ_TIME_LIMIT);
             store.reading_until(end, &mut || {
                 computed = self.timed(renewal)?;
                 Ok(())

@@ -10,8 +10,8 @@ use crate::memory::Memory;
 use crate::serve::clock;
 use crate::store::{Kept, Scope, StoreError};
 
-/// How long changes are kept: so long a client may be away.
-const AGE: Duration = Duration::from_secs(3600);
+/// How long changes are kept: a client that was away for no longer can resume its change stream.
+const RETENTION: Duration = Duration::from_secs(3600);
 
 /// The scopes whose changes are kept.
 #[derive(Default)]
@@ -39,7 +39,7 @@ impl Scopes {
         scope: &Scope,
         written: Timestamp,
     ) -> Result<Kept, StoreError> {
-        let kept = memory.keep_changes(scope, AGE)?;
+        let kept = memory.keep_changes(scope, RETENTION)?;
         match kept.is_new {
             true => drop(self.lock().insert(scope.clone(), Watched::since(Some(written)))),
             false => self.touch(scope),
@@ -51,7 +51,7 @@ impl Scopes {
     pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp) -> bool {
         let age = DateTime::now().timestamp_millis() - clock::date(time).timestamp_millis();
         let since = self.lock().get(scope).and_then(|watched| watched.since);
-        since.is_some_and(|since| time < since) || u128::try_from(age).is_ok_and(|age| age > AGE.as_millis())
+        since.is_some_and(|since| time < since) || u128::try_from(age).is_ok_and(|age| age > RETENTION.as_millis())
     }
 
     /// Notes that a stream reads a scope.
@@ -63,8 +63,8 @@ impl Scopes {
     pub(in crate::serve) fn look_after(&self, memory: &Memory) -> Result<(), StoreError> {
         for scope in memory.kept_scopes()? {
             let used = self.lock().entry(scope.clone()).or_insert_with(|| Watched::since(None)).used;
-            if used.elapsed() < AGE {
-                memory.keep_changes(&scope, AGE)?;
+            if used.elapsed() < RETENTION {
+                memory.keep_changes(&scope, RETENTION)?;
             } else {
                 memory.release_changes(&scope)?;
                 self.lock().remove(&scope);

@@ -16,8 +16,8 @@ use crate::serve::host::Host;
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("getMore", more).transactional(), Command::read("killCursors", kill).transactional()];
 
-/// How long a change stream waits by default.
-const AWAIT: Duration = Duration::from_secs(1);
+/// How long a change stream waits for changes where `maxTimeMS` does not say it, as with MongoDB.
+const DEFAULT_AWAIT_TIME: Duration = Duration::from_secs(1);
 
 fn more(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
@@ -58,7 +58,7 @@ fn events(
     stream: &Arc<Mutex<Stream>>,
     batch: Option<u64>,
 ) -> Answer {
-    let until = Instant::now() + call.request.limit.unwrap_or(AWAIT);
+    let until = Instant::now() + call.request.limit.unwrap_or(DEFAULT_AWAIT_TIME);
     loop {
         let calls = host.server.hub.calls();
         let memory = host.memory()?;

@@ -3,7 +3,7 @@
 //! SQLite's own busy handler sleeps in steps that grow to 100 ms, so a writer
 //! among writers stalls for much longer than any write takes. This one starts
 //! with a fraction of a write's duration and never sleeps longer than
-//! [`LONGEST`]; random jitter keeps two waiting processes from retrying at the same times.
+//! [`MAX_BACKOFF`]; random jitter keeps two waiting processes from retrying at the same times.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,10 +16,10 @@ use rusqlite::Connection;
 pub(super) const LOCK_TIMEOUT: Duration = Duration::from_secs(30);
 /// The same for best-effort writes, which are repeated later.
 const BRIEF_TIMEOUT: Duration = Duration::from_millis(4);
-/// After how long a wait is told.
-const LONG: Duration = Duration::from_secs(2);
-const SHORTEST: Duration = Duration::from_micros(100);
-const LONGEST: Duration = Duration::from_millis(8);
+/// The wait after which the user is told that another process writes.
+const NOTICE_DELAY: Duration = Duration::from_secs(2);
+const MIN_BACKOFF: Duration = Duration::from_micros(100);
+const MAX_BACKOFF: Duration = Duration::from_millis(8);
 
 /// What is called once a write has waited for long.
 static TELL: OnceLock<fn(&str)> = OnceLock::new();
@@ -47,7 +47,7 @@ pub(super) fn install(
             progress.begin();
             is_told = false;
         }
-        if !is_told && since.elapsed() >= LONG {
+        if !is_told && since.elapsed() >= NOTICE_DELAY {
             is_told = true;
             TELL.get().into_iter().for_each(|tell| tell(WAITING));
         }
@@ -114,7 +114,7 @@ fn wait(since: Instant, attempt: u32) -> bool {
     if waited >= LOCK_TIMEOUT {
         return false;
     }
-    let step = SHORTEST.saturating_mul(1 << attempt.min(10)).min(LONGEST);
+    let step = MIN_BACKOFF.saturating_mul(1 << attempt.min(10)).min(MAX_BACKOFF);
     std::thread::sleep(step.mul_f64(0.5 + jitter(waited)));
     true
 }

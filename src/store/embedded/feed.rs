@@ -21,9 +21,9 @@ const PAGE: usize = 256;
 /// … or about so many bytes.
 const PAGE_BYTES: usize = 1 << 20;
 /// How often a watcher records that its process is running, and one without a name its position.
-const HEARTBEAT: Duration = Duration::from_secs(15);
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(15);
 /// How long the position may stay unwritten while other processes write all the time.
-const DEFERRAL: Duration = Duration::from_secs(5);
+const MAX_DEFERRAL: Duration = Duration::from_secs(5);
 /// After this many changes, a watcher without a name records its position.
 const STRIDE: i64 = 1_000;
 
@@ -174,12 +174,12 @@ impl Feed<'_> {
     }
 
     /// Records the position, and that the process is running. While other processes write all
-    /// the time, this is deferred for up to [`DEFERRAL`], so that changes are still delivered.
+    /// the time, this is deferred for up to [`MAX_DEFERRAL`], so that changes are still delivered.
     fn advance(&mut self) -> Result<(), StoreError> {
         let watcher = Watcher { position: self.settled, ..self.noted.clone() };
         let store = self.store;
         let work = || watcher.advance(&store.connection, &self.namespace).map_err(|e| store.explain(&e));
-        let is_overdue = self.waiting.is_some_and(|since| since.elapsed() >= DEFERRAL);
+        let is_overdue = self.waiting.is_some_and(|since| since.elapsed() >= MAX_DEFERRAL);
         let written = if is_overdue { Some(store.write(work)?) } else { store.write_soon(work)? };
         if written.is_none() {
             self.waiting.get_or_insert_with(Instant::now);
@@ -224,12 +224,13 @@ impl Changes for Feed<'_> {
     fn done(&mut self) -> Result<(), StoreError> {
         self.settled = self.given;
         let ahead = self.settled - self.noted.position;
-        let due = ahead > 0 && (self.name.is_some() || ahead >= STRIDE || self.heartbeat.elapsed() >= HEARTBEAT);
+        let due =
+            ahead > 0 && (self.name.is_some() || ahead >= STRIDE || self.heartbeat.elapsed() >= HEARTBEAT_INTERVAL);
         if due { self.advance() } else { Ok(()) }
     }
 
     fn renew(&mut self) -> Result<(), StoreError> {
-        if self.heartbeat.elapsed() < HEARTBEAT { Ok(()) } else { self.advance() }
+        if self.heartbeat.elapsed() < HEARTBEAT_INTERVAL { Ok(()) } else { self.advance() }
     }
 }
 

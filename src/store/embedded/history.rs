@@ -22,8 +22,8 @@ use crate::store::{HistoryRule, Namespace, Scope};
 
 /// How long, in milliseconds, a scope is kept at least after the last process named it.
 const LEASE: i64 = 3_600_000;
-/// How often a process that goes on writing names its scopes again.
-const RENEWAL: Duration = Duration::from_secs(60);
+/// How often a process that goes on writing names its scopes again: often within a [`LEASE`].
+const RENEWAL_INTERVAL: Duration = Duration::from_secs(60);
 
 const TABLES: &str = "
 CREATE TABLE IF NOT EXISTS histories (
@@ -101,7 +101,7 @@ impl Keeping {
 
     /// Whether the scopes are to be named again.
     fn is_due(&self) -> bool {
-        !self.rules.borrow().is_empty() && self.renewed.get().is_none_or(|at| at.elapsed() >= RENEWAL)
+        !self.rules.borrow().is_empty() && self.renewed.get().is_none_or(|at| at.elapsed() >= RENEWAL_INTERVAL)
     }
 
     /// Names the scopes of this process in the file. In a write transaction only.

@@ -2,17 +2,17 @@
 //!
 //! A process that has committed watched changes sets the file's times to now; on Linux, the
 //! kernel notifies the waiting processes (inotify). If a process is killed before it notifies,
-//! the delay is bounded: watchers look at the file at least every [`LONGEST`]. On other
+//! the delay is bounded: watchers look at the file at least every [`MAX_WAIT`]. On other
 //! systems they poll at that interval.
 
 use std::path::Path;
 use std::time::Duration;
 
-/// The longest wait without looking at the file.
+/// The longest wait without looking at the file: changes of a process that was killed before it notified are seen by then.
 #[cfg(target_os = "linux")]
-const LONGEST: Duration = Duration::from_millis(500);
+const MAX_WAIT: Duration = Duration::from_millis(500);
 #[cfg(not(target_os = "linux"))]
-const LONGEST: Duration = Duration::from_millis(20);
+const MAX_WAIT: Duration = Duration::from_millis(20);
 
 /// Notifies all watchers of the file.
 pub(super) fn notify(path: &Path) {
@@ -41,8 +41,8 @@ impl Notifier {
     /// Waits for a notification, for at most `timeout`.
     pub(crate) fn wait(&self, timeout: Duration) {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
-        let Some(calls) = &self.calls else { return std::thread::sleep(timeout.min(LONGEST / 25)) };
-        let Ok(timeout) = Timespec::try_from(timeout.min(LONGEST)) else { return };
+        let Some(calls) = &self.calls else { return std::thread::sleep(timeout.min(MAX_WAIT / 25)) };
+        let Ok(timeout) = Timespec::try_from(timeout.min(MAX_WAIT)) else { return };
         // An interrupted wait ends as if a notification had come.
         let _ = poll(&mut [PollFd::new(calls, PollFlags::IN)], Some(&timeout));
         while rustix::io::read(calls, &mut [0_u8; 4096]).is_ok_and(|count| count > 0) {}
@@ -57,7 +57,7 @@ impl Notifier {
 
     /// Waits a little.
     pub(crate) fn wait(&self, timeout: Duration) {
-        std::thread::sleep(timeout.min(LONGEST));
+        std::thread::sleep(timeout.min(MAX_WAIT));
     }
 }
 

@@ -18,7 +18,7 @@ use crate::store::{Namespace, StoreError};
 const SELECTION_TIMEOUT: Duration = Duration::from_secs(4);
 /// How often the driver checks a server, unless the URI sets it. Where it does not answer within this and [`SELECTION_TIMEOUT`], the
 /// driver ends the operations that wait for it.
-const HEARTBEAT: Duration = Duration::from_secs(2);
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(2);
 /// How long a write waits for a majority, unless the URI sets it.
 const MAJORITY_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -77,7 +77,7 @@ fn completed(mut options: ClientOptions, role: Role) -> ClientOptions {
     options.app_name.get_or_insert_with(|| "rmem".to_owned());
     options.server_selection_timeout.get_or_insert(SELECTION_TIMEOUT);
     options.connect_timeout.get_or_insert(SELECTION_TIMEOUT);
-    options.heartbeat_freq.get_or_insert(HEARTBEAT);
+    options.heartbeat_freq.get_or_insert(HEARTBEAT_INTERVAL);
     options.write_concern = Some(durable(options.write_concern.take()));
     if role == Role::Shared {
         options.selection_criteria.get_or_insert(SelectionCriteria::ReadPreference(ReadPreference::nearest(None)));

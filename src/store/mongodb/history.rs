@@ -28,8 +28,8 @@ const ENTRIES: &str = "rmem.history";
 const BEGINNINGS: &str = "rmem.histories";
 /// How long one waits for one's own changes to come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
-/// How long one waits for more changes when the history is read.
-const LULL: Duration = Duration::from_millis(300);
+/// How long no change may come until the history counts as read to its end.
+const QUIET_TIME: Duration = Duration::from_millis(300);
 /// Images of more bytes are left out: an entry is a document, which has at most 16 MiB.
 const LARGEST_IMAGES: usize = 15 << 20;
 /// So many changes are written at once.
@@ -248,7 +248,7 @@ impl MongoDb {
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(since) = self.beginning(ns)? else { return Ok(None) };
         if let Some(rule) = self.rule(ns) {
-            self.catch_up(ns, &rule, LULL, u64::MAX)?;
+            self.catch_up(ns, &rule, QUIET_TIME, u64::MAX)?;
         }
         // What was written a moment ago is a part of it; the other members may be behind the primary.
         let current = self.rule(ns).is_some();
@@ -309,14 +309,14 @@ impl MongoDb {
         begun();
         let (mut total, mut looked) = (0, Instant::now());
         while !stop.load(Ordering::Relaxed) {
-            match changes.next(LULL)? {
+            match changes.next(QUIET_TIME)? {
                 Next::Change(change) => {
                     total += 1;
                     self.keep(ns, &mut vec![entry(ns, &change)?], &mut *changes)?;
                 }
                 Next::Nothing => {}
                 // The next call connects again.
-                Next::Interrupted(_) => std::thread::sleep(LULL),
+                Next::Interrupted(_) => std::thread::sleep(QUIET_TIME),
             }
             if looked.elapsed() > Duration::from_secs(10) {
                 self.bound(ns, &rule)?;

@@ -23,7 +23,7 @@ pub(super) const HISTORY: &str = "rmem.history:";
 /// The lease of a process that cannot be seen from here, in milliseconds.
 const LEASE: i64 = 15_000;
 /// How often the lease is renewed.
-const HEARTBEAT: Duration = Duration::from_secs(4);
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(4);
 /// The server's code for a taken `_id`.
 const DUPLICATE: i32 = 11_000;
 
@@ -108,7 +108,11 @@ impl Position {
 
     /// Renews the lease, if the last renewal is a while ago.
     pub(super) fn renew(&mut self, store: &MongoDb) -> Result<(), StoreError> {
-        if self.heartbeat.elapsed() < HEARTBEAT { Ok(()) } else { self.write(store, doc! { "until": until() }) }
+        if self.heartbeat.elapsed() < HEARTBEAT_INTERVAL {
+            Ok(())
+        } else {
+            self.write(store, doc! { "until": until() })
+        }
     }
 
     fn write(&mut self, store: &MongoDb, set: Document) -> Result<(), StoreError> {

@@ -23,9 +23,9 @@ use crate::store::metadata::{INFO, INSERTED, UPDATED};
 use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 
 /// How long the server waits for changes before it returns none, at most …
-const AWAIT: Duration = Duration::from_millis(200);
+const MAX_AWAIT_TIME: Duration = Duration::from_millis(200);
 /// … and where the caller does not wait: several streams are asked in turn, or keys are waited for.
-const SHORTEST_AWAIT: Duration = Duration::from_millis(10);
+const MIN_AWAIT_TIME: Duration = Duration::from_millis(10);
 
 type Event = ChangeStreamEvent<RawDocumentBuf>;
 
@@ -73,7 +73,7 @@ impl MongoDb {
             images: server.images,
             renewed: false,
             stream: None,
-            await_time: AWAIT,
+            await_time: MAX_AWAIT_TIME,
             token,
             given: None,
             copy: None,
@@ -112,7 +112,7 @@ impl Stream<'_> {
 
     /// Opens the stream anew where the server would wait for longer than the caller.
     fn wait_at_most(&mut self, timeout: Duration) {
-        let await_time = timeout.clamp(SHORTEST_AWAIT, AWAIT);
+        let await_time = timeout.clamp(MIN_AWAIT_TIME, MAX_AWAIT_TIME);
         if await_time < self.await_time {
             self.await_time = await_time;
             self.stream = None;

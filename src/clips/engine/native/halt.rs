@@ -11,8 +11,8 @@ use clips_sys as sys;
 
 use super::environment::Environment;
 
-/// How often an evaluation is looked after.
-const SLICE: Duration = Duration::from_millis(5);
+/// How often to check whether an evaluation is to halt: a user does not notice the delay.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// How deep calls of functions may be nested: each takes some hundred bytes of the stack.
 pub(super) const DEEPEST: i32 = 40_000;
@@ -44,7 +44,7 @@ impl Environment {
                 let mut guard = over.lock().unwrap_or_else(PoisonError::into_inner);
                 while !*guard {
                     flags.look(stop, deep);
-                    guard = ended.wait_timeout(guard, SLICE).unwrap_or_else(PoisonError::into_inner).0;
+                    guard = ended.wait_timeout(guard, POLL_INTERVAL).unwrap_or_else(PoisonError::into_inner).0;
                 }
             });
             let _ended = Ended { over: &over, ended: &ended };
