@@ -332,7 +332,7 @@ impl<'a> Batch<'a> {
         let nth = ids.len();
         result.map(drop).map_err(|error| {
             let documents = &self.args.documents;
-            let place = places.get(nth).map(|(name, at)| Place { name, at: *at, documents });
+            let place = places.get(nth).map(|(name, at)| Location { name, at: *at, documents });
             match (&error, place) {
                 (StoreError::Duplicate { .. }, Some(place)) => taken(error, &place, memory),
                 (StoreError::Query(_) | StoreError::Stopped { document: Some(_), .. }, Some(place))
@@ -359,7 +359,7 @@ fn hinted(error: Diagnostic, text: &str) -> Diagnostic {
 }
 
 /// Where a document is.
-struct Place<'a> {
+struct Location<'a> {
     /// The text.
     name: &'a str,
     /// The line and column there.
@@ -368,7 +368,7 @@ struct Place<'a> {
     documents: &'a [String],
 }
 
-impl Place<'_> {
+impl Location<'_> {
     /// A message at this place: `orders.jsonl:3:1: …` with the line where the text can be read again; the message alone for the
     /// only argument.
     fn mark(&self, message: &str) -> String {
@@ -396,7 +396,7 @@ impl Place<'_> {
 }
 
 /// The error for a unique key that is taken, with the place of the document that was to have it, and the one that has it.
-fn taken(error: StoreError, place: &Place<'_>, memory: &Memory) -> Error {
+fn taken(error: StoreError, place: &Location<'_>, memory: &Memory) -> Error {
     let holder = conflict::holder(&error, memory).as_ref().map(conflict::named).unwrap_or_default();
     let message = place.mark(&format!("{error}{holder}"));
     if message == error.to_string() {
@@ -406,7 +406,7 @@ fn taken(error: StoreError, place: &Place<'_>, memory: &Memory) -> Error {
 }
 
 /// The error for a document that cannot be stored, with its place.
-fn refused(error: StoreError, place: &Place<'_>) -> Error {
+fn refused(error: StoreError, place: &Location<'_>) -> Error {
     let error = match error {
         StoreError::Stopped { source, .. } => *source,
         error => error,

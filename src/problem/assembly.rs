@@ -39,7 +39,7 @@ struct Part {
 #[derive(Debug)]
 enum PartKind {
     /// Text, and where it stands in the template if that is known.
-    Text(Option<Place>),
+    Text(Option<TextOrigin>),
     Value {
         number: bool,
         origin: Option<Origin>,
@@ -63,13 +63,13 @@ pub(super) struct Literal {
 
 /// Where text comes from.
 #[derive(Debug, Clone)]
-enum Place {
+enum TextOrigin {
     Literal(Literal),
     /// What made it of other text.
     Made(Span),
 }
 
-impl Place {
+impl TextOrigin {
     /// The place of the text `length` bytes further.
     fn after(&self, length: usize) -> Self {
         match self {
@@ -149,12 +149,12 @@ impl Assembler {
 
     /// Adds text of the template.
     pub(super) fn literal(&mut self, text: &str, place: Literal) -> Result<(), Diagnostic> {
-        self.stretch(text, Some(Place::Literal(place)))
+        self.stretch(text, Some(TextOrigin::Literal(place)))
     }
 
     /// Adds text that the expression or the tag at `template` made of other text.
     pub(super) fn made(&mut self, text: &str, template: Span) -> Result<(), Diagnostic> {
-        self.stretch(text, Some(Place::Made(template)))
+        self.stretch(text, Some(TextOrigin::Made(template)))
     }
 
     /// Adds the goal, which the marker or the expression at `template` stands for.
@@ -180,7 +180,7 @@ impl Assembler {
         }
     }
 
-    fn stretch(&mut self, text: &str, place: Option<Place>) -> Result<(), Diagnostic> {
+    fn stretch(&mut self, text: &str, place: Option<TextOrigin>) -> Result<(), Diagnostic> {
         let after = |length: usize| place.as_ref().map(|place| place.after(length));
         let mut start = 0;
         if !self.parts.is_empty() {
@@ -215,16 +215,16 @@ impl Assembler {
     }
 
     /// Writes text into the problem, and notes where it came from.
-    fn write(&mut self, text: &str, place: Option<Place>) {
+    fn write(&mut self, text: &str, place: Option<TextOrigin>) {
         let at = self.out.len();
         self.out.push_str(text);
         let output = Span::new(at, self.out.len());
         let (Some(notes), Some(place), false) = (&mut self.notes, place, text.is_empty()) else { return };
         notes.placed.push(match place {
-            Place::Literal(Literal { start, document }) => {
+            TextOrigin::Literal(Literal { start, document }) => {
                 Placed { output, template: Span::new(start, start + text.len()), document, kind: StretchKind::Text }
             }
-            Place::Made(template) => Placed { output, template, document: None, kind: StretchKind::Made },
+            TextOrigin::Made(template) => Placed { output, template, document: None, kind: StretchKind::Made },
         });
     }
 

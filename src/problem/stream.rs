@@ -40,12 +40,12 @@ pub struct Streamed {
     pub respelled: Vec<String>,
     /// Whether a goal was given that nothing of what was rendered used.
     pub is_goal_unused: bool,
-    pub(super) file: Place,
+    pub(super) file: Destination,
 }
 
 /// Where a problem is written.
 #[derive(Debug)]
-pub(super) enum Place {
+pub(super) enum Destination {
     /// In a file that is only ours.
     Temporary(SpooledTempFile),
     /// In the file that was asked for, and how many bytes of it are not on their way to the disk yet.
@@ -57,7 +57,7 @@ trait Contents: Read + Write + Seek {}
 
 impl<T: Read + Write + Seek> Contents for T {}
 
-impl Place {
+impl Destination {
     fn new(file: Option<File>) -> Self {
         match file {
             Some(file) => Self::Given(file, 0),
@@ -106,7 +106,7 @@ impl Streamed {
     /// Whether it is in the file that was given for it.
     #[must_use]
     pub fn is_in_place(&self) -> bool {
-        matches!(self.file, Place::Given(..))
+        matches!(self.file, Destination::Given(..))
     }
 
     /// Writes the PDDL text.
@@ -207,7 +207,7 @@ impl Stream {
     }
 
     /// Ends the problem; gives the file with its text.
-    pub(super) fn finish(self, domain: Option<&Domain>, dialect: Dialect) -> Result<Place, Doubtful> {
+    pub(super) fn finish(self, domain: Option<&Domain>, dialect: Dialect) -> Result<Destination, Doubtful> {
         let mut writer = match self.worker {
             Worker::Here(writer) => writer,
             Worker::Beside { parts, thread } => {
@@ -259,12 +259,12 @@ struct Writer {
     assembler: Assembler,
     /// The check against a domain.
     screen: Option<Screen>,
-    file: Place,
+    file: Destination,
 }
 
 impl Writer {
     fn new(template: &Texts, domain: Option<&Domain>, file: Option<File>) -> Self {
-        let file = Place::new(file);
+        let file = Destination::new(file);
         Self { assembler: Assembler::without_notes(template), screen: domain.map(Screen::new), file }
     }
 
@@ -300,7 +300,7 @@ impl Writer {
     }
 
     /// Ends the problem; gives the file with its text.
-    fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<Place, Doubtful> {
+    fn finish(mut self, domain: Option<&Domain>, dialect: Dialect) -> Result<Destination, Doubtful> {
         self.assembler.flush().map_err(|_| Doubtful)?;
         self.write()?;
         if let (Some(screen), Some(domain)) = (self.screen, domain) {

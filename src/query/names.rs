@@ -121,7 +121,7 @@ const UPDATE_STAGES: [&str; 6] = ["$addFields", "$project", "$replaceRoot", "$re
 
 /// Where a name was found that is not known there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum NameContext {
     /// At the top of a filter.
     Top,
     /// Behind a key of a filter.
@@ -133,11 +133,11 @@ enum Place {
 }
 
 /// What the messages about unknown names begin with, and what is known there.
-const KINDS: [(&str, Place, &[&str]); 4] = [
-    ("unknown operator: ", Place::Key, &FILTER),
-    ("unknown top level operator: ", Place::Top, &FILTER),
-    ("unknown modifier: ", Place::Update, &UPDATE),
-    ("unrecognized pipeline stage name: ", Place::Stage, &STAGES),
+const KINDS: [(&str, NameContext, &[&str]); 4] = [
+    ("unknown operator: ", NameContext::Key, &FILTER),
+    ("unknown top level operator: ", NameContext::Top, &FILTER),
+    ("unknown modifier: ", NameContext::Update, &UPDATE),
+    ("unrecognized pipeline stage name: ", NameContext::Stage, &STAGES),
 ];
 
 /// Returns where a name stands that the message says is unknown; none where it is known nowhere, or the message is about something
@@ -147,28 +147,28 @@ pub fn misplaced(message: &str, name: &str, meant: Option<String>) -> Option<Str
     let (_, place, _) = KINDS.iter().find(|(words, ..)| message.starts_with(words))?;
     let is = |names: &[&str]| names.contains(&name);
     Some(match place {
-        Place::Top if name == "$not" => {
+        NameContext::Top if name == "$not" => {
             "`$not` stands behind a key: {key: {$not: {$gt: 5}}}; at the top there is {$nor: [{key: 5}]}".to_owned()
         }
-        Place::Top if is(&FILTER) => {
+        NameContext::Top if is(&FILTER) => {
             format!("`{name}` stands behind a key: {}", meant.unwrap_or_else(|| behind_key(name)))
         }
-        Place::Key if is(&TOP) => format!("`{name}` stands at the top: {}", at_top(name)),
-        Place::Stage if is(&GATHERING) => {
+        NameContext::Key if is(&TOP) => format!("`{name}` stands at the top: {}", at_top(name)),
+        NameContext::Stage if is(&GATHERING) => {
             format!("`{name}` stands in a stage: [{{$group: {{_id: '$key', name: {{{name}: '$value'}}}}}}]")
         }
-        Place::Stage if is(&FILTER) => {
+        NameContext::Stage if is(&FILTER) => {
             let filter = if is(&TOP) { at_top(name) } else { behind_key(name) };
             format!("`{name}` stands in a query: [{{$match: {filter}}}]")
         }
-        Place::Update if is(&FILTER) => format!("`{name}` stands in a query, which is in front of the update"),
-        Place::Update if is(&UPDATE_STAGES) => {
+        NameContext::Update if is(&FILTER) => format!("`{name}` stands in a query, which is in front of the update"),
+        NameContext::Update if is(&UPDATE_STAGES) => {
             format!("`{name}` is a stage; an update by stages has brackets: [{{{name}: {{…}}}}]")
         }
-        Place::Top | Place::Key | Place::Stage if is(&UPDATE) => {
+        NameContext::Top | NameContext::Key | NameContext::Stage if is(&UPDATE) => {
             format!("`{name}` stands in an update: rmem update NS QUERY '{{{name}: {{key: 5}}}}'")
         }
-        Place::Top | Place::Key | Place::Update if is(&STAGES) => {
+        NameContext::Top | NameContext::Key | NameContext::Update if is(&STAGES) => {
             format!("`{name}` is a stage of a pipeline: rmem aggregate NS '[{{{name}: …}}]'")
         }
         _ => return None,

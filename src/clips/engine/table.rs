@@ -31,7 +31,7 @@ impl Thing {
 }
 
 #[derive(Debug, Default)]
-struct Place {
+struct Slot {
     generation: u32,
     thing: Option<Thing>,
 }
@@ -39,7 +39,7 @@ struct Place {
 /// All things that have an address.
 #[derive(Debug, Default)]
 pub(super) struct Table {
-    places: Vec<Place>,
+    places: Vec<Slot>,
     free: Vec<u32>,
 }
 
@@ -47,7 +47,7 @@ impl Table {
     /// Takes a thing in; returns its address.
     pub(super) fn add(&mut self, thing: Thing) -> u64 {
         let index = self.free.pop().unwrap_or_else(|| {
-            self.places.push(Place::default());
+            self.places.push(Slot::default());
             u32::try_from(self.places.len() - 1).unwrap_or(u32::MAX)
         });
         let Some(place) = self.places.get_mut(index as usize) else { return 0 };
@@ -56,7 +56,7 @@ impl Table {
         u64::from(place.generation) << 32 | (u64::from(index) + 1)
     }
 
-    fn place(&mut self, address: u64) -> Option<(u32, &mut Place)> {
+    fn place(&mut self, address: u64) -> Option<(u32, &mut Slot)> {
         let index = u32::try_from((address & u64::from(u32::MAX)).checked_sub(1)?).ok()?;
         let generation = u32::try_from(address >> 32).ok()?;
         let place = self.places.get_mut(index as usize)?;

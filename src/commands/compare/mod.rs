@@ -11,7 +11,7 @@ use bson::{DateTime, doc};
 use clap::Args;
 
 use self::rows::Rows;
-use self::task::{Named, Place};
+use self::task::{Named, TaskLocation};
 use super::{Context, UsageError, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -102,7 +102,7 @@ pub(super) fn run(args: &CompareArgs, context: &mut Context<'_>) -> Result<Exit>
     }
     let planners = planners(args, context)?;
     let memory = context.memory_to_fill()?;
-    let place = args.stored.as_ref().map_or(Place::Paths(&args.paths), Place::Plans);
+    let place = args.stored.as_ref().map_or(TaskLocation::Paths(&args.paths), TaskLocation::Plans);
     let found = task::find(&place, &args.only, &memory)?;
     if found.repeated > 0 {
         context.output.note(&format!("{} of the tasks are named twice; each is run once", found.repeated));

@@ -18,7 +18,7 @@ use crate::planning::comparison::{TaskFiles, tasks};
 use crate::store::Namespace;
 
 /// Where tasks are looked for.
-pub(super) enum Place<'a> {
+pub(super) enum TaskLocation<'a> {
     /// Folders; a domain and its problems.
     Paths(&'a [PathBuf]),
     /// The plans of a collection.
@@ -46,16 +46,18 @@ pub(super) struct Found {
 }
 
 /// Finds the tasks that the command line names.
-pub(super) fn find(place: &Place<'_>, only: &str, memory: &Memory) -> Result<Found> {
+pub(super) fn find(place: &TaskLocation<'_>, only: &str, memory: &Memory) -> Result<Found> {
     let Found { tasks: mut found, repeated } = match place {
-        Place::Plans(ns) => Found { tasks: of_plans(ns, memory)?, repeated: 0 },
-        Place::Paths(paths) => of_paths(paths)?,
+        TaskLocation::Plans(ns) => Found { tasks: of_plans(ns, memory)?, repeated: 0 },
+        TaskLocation::Paths(paths) => of_paths(paths)?,
     };
     found.retain(|named| named.name.contains(only));
     if found.is_empty() {
         let place = match place {
-            Place::Plans(ns) => format!("{ns} has no plan"),
-            Place::Paths(_) => "there is no task here; expected folders with domain.pddl and problems".to_owned(),
+            TaskLocation::Plans(ns) => format!("{ns} has no plan"),
+            TaskLocation::Paths(_) => {
+                "there is no task here; expected folders with domain.pddl and problems".to_owned()
+            }
         };
         let only = if only.is_empty() { String::new() } else { format!(" with `{only}` in its name") };
         return Err(WrongInput::new(format!("{place}{only}")).into());

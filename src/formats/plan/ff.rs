@@ -29,7 +29,7 @@ pub fn read(stdout: &str, stderr: &str) -> Transcript {
 /// [`read`], and the step whose number is not the next one, where there is one.
 pub(super) fn read_noting(stdout: &str, stderr: &str) -> (Transcript, Option<Gap>) {
     let mut reader =
-        Reader { transcript: Transcript::unclear(), place: Place::Before, numbers: Numbers::default(), gap: None };
+        Reader { transcript: Transcript::unclear(), place: Section::Before, numbers: Numbers::default(), gap: None };
     for line in lines(stdout).chain(lines(stderr)) {
         reader.line(line);
     }
@@ -90,7 +90,7 @@ impl Numbers {
 
 /// Where in the output the reader is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Section {
     /// Before the plan, or where there is none.
     Before,
     /// In the plan.
@@ -103,7 +103,7 @@ enum Place {
 
 struct Reader {
     transcript: Transcript,
-    place: Place,
+    place: Section,
     numbers: Numbers,
     gap: Option<Gap>,
 }
@@ -113,12 +113,12 @@ impl Reader {
         if line.text.len() > SENTENCE {
             return;
         }
-        if self.place == Place::Complaint {
-            self.place = Place::Before;
+        if self.place == Section::Complaint {
+            self.place = Section::Before;
             return self.transcript.explain(line.text);
         }
         if let Some((number, action)) = numbered_step(line) {
-            if self.place == Place::Plan {
+            if self.place == Section::Plan {
                 let numbered = self.numbers.take_text(number, line.number);
                 self.take_step(numbered, action);
             }
@@ -136,13 +136,13 @@ impl Reader {
 
     fn found(&mut self) {
         self.transcript = Transcript { verdict: Verdict::Plan, ..Transcript::unclear() };
-        self.place = Place::Plan;
+        self.place = Section::Plan;
         (self.numbers, self.gap) = (Numbers::default(), None);
     }
 
     fn leave_plan(&mut self) {
-        if self.place == Place::Plan {
-            self.place = Place::After;
+        if self.place == Section::Plan {
+            self.place = Section::After;
         }
     }
 
@@ -152,7 +152,7 @@ impl Reader {
     }
 
     fn step(&mut self, sentence: Pair<'_, Rule>, line: Line<'_>) {
-        if self.place != Place::Plan {
+        if self.place != Section::Plan {
             return;
         }
         let numbered = self.numbers.take(&sentence, line.number);
@@ -164,7 +164,7 @@ impl Reader {
             Ok(Numbered::Next) => {}
             Ok(Numbered::Again) => self.transcript.actions.clear(),
             Err(gap) => {
-                self.place = Place::After;
+                self.place = Section::After;
                 self.transcript = Transcript { message: gap.message.clone(), ..Transcript::unclear() };
                 self.gap = Some(gap);
                 return;
@@ -192,7 +192,7 @@ impl Reader {
             Rule::complaint => transcript.reject(Complaint { text: text.trim().to_owned(), ..Complaint::default() }),
             Rule::syntax_error => {
                 if transcript.verdict == Verdict::Unclear {
-                    self.place = Place::Complaint;
+                    self.place = Section::Complaint;
                 }
                 transcript.reject(syntax_error(&sentence));
             }

@@ -12,11 +12,11 @@ use crate::store::Namespace;
 pub(super) struct Once {
     pub(super) token: ObjectId,
     pub(super) computable: Rc<Computable>,
-    pub(super) documents: Place,
+    pub(super) documents: Storage,
 }
 
 /// Where documents are.
-pub(super) enum Place {
+pub(super) enum Storage {
     Memory(Vec<RawDocumentBuf>),
     /// In the store, with these `_id`s.
     Store(Vec<Bson>),
@@ -29,8 +29,8 @@ impl Once {
 
     pub(super) fn in_memory(&self) -> &[RawDocumentBuf] {
         match &self.documents {
-            Place::Memory(documents) => documents,
-            Place::Store(_) => &[],
+            Storage::Memory(documents) => documents,
+            Storage::Store(_) => &[],
         }
     }
 }

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use bson::oid::ObjectId;
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::alone::{Once, Place};
+use super::alone::{Once, Storage};
 use super::cache::{self, Lifetime};
 use super::state::Wanted;
 use super::storing::{self, BATCH};
@@ -35,7 +35,7 @@ impl Memory {
         let documents = storing::marked(definition, documents, token, life, self.clock.now())?;
         let count = documents.len() as u64;
         let place = match self.settled(store, &definition.namespace, &ids, &documents)? {
-            Some(settled) => Place::Memory(settled),
+            Some(settled) => Storage::Memory(settled),
             None => {
                 // With the others in the store, an `_id` that is taken is found there.
                 self.store_once()?;
@@ -44,7 +44,7 @@ impl Memory {
                     ids = storing::insert(store, definition, documents.take().unwrap_or_default(), token)?;
                     Ok(())
                 })?;
-                Place::Store(ids)
+                Storage::Store(ids)
             }
         };
         let once = Once { token, computable: Rc::clone(&wanted.computable), documents: place };
@@ -94,9 +94,9 @@ impl Memory {
     /// Stores what is in memory, for an answer that the store alone makes.
     pub(super) fn store_once(&self) -> Result<(), StoreError> {
         for once in self.computables.once.borrow_mut().iter_mut() {
-            let Place::Memory(documents) = &mut once.documents else { continue };
+            let Storage::Memory(documents) = &mut once.documents else { continue };
             let documents = std::mem::take(documents);
-            once.documents = Place::Store(Vec::new());
+            once.documents = Storage::Store(Vec::new());
             let documents = documents.iter().map(|raw| Document::try_from(&**raw)).collect::<Result<Vec<_>, _>>();
             let (mut documents, mut ids) = (Some(documents.map_err(QueryError::from)?), Vec::new());
             let definition = &once.computable.definition;
@@ -105,7 +105,7 @@ impl Memory {
                 ids = storing::insert(store, definition, documents.take().unwrap_or_default(), once.token)?;
                 Ok(())
             })?;
-            once.documents = Place::Store(ids);
+            once.documents = Storage::Store(ids);
         }
         Ok(())
     }
@@ -115,7 +115,7 @@ impl Memory {
         let mut all = self.computables.once.borrow_mut();
         let Some(at) = all.iter().position(|once| once.token == token) else { return Ok(()) };
         let once = all.swap_remove(at);
-        let Place::Store(ids) = &once.documents else { return Ok(()) };
+        let Storage::Store(ids) = &once.documents else { return Ok(()) };
         let store = self.routes.reading(once.namespace())?;
         cache::write(store, || storing::remove(store, once.namespace(), ids, token))
     }

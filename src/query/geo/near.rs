@@ -32,9 +32,9 @@ pub(in crate::query) enum Centre {
     /// On the plane, in the unit of the coordinates.
     Plane(Plane),
     /// On the sphere, in radians: a pair of coordinates with `$nearSphere`.
-    Radians(Place),
+    Radians(SpherePoint),
     /// On the sphere, in metres: GeoJSON.
-    Metres(Place),
+    Metres(SpherePoint),
 }
 
 /// A point of the plane.
@@ -43,7 +43,7 @@ pub(in crate::query) struct Plane(plane::Point);
 
 /// A point of the sphere.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::query) struct Place(Spot);
+pub(in crate::query) struct SpherePoint(Spot);
 
 /// A point with the distances, without the path of the documents' points.
 struct Asked {
@@ -160,12 +160,12 @@ impl Centre {
         match value {
             View::Document(fields) if !reader::begins_with_number(fields) => {
                 let position = reader::point(fields)?;
-                spot(position).map(|spot| Self::Metres(Place(spot)))
+                spot(position).map(|spot| Self::Metres(SpherePoint(spot)))
             }
             value => {
                 let point = reader::pair(Some(value), false)?;
                 match on_sphere {
-                    true => spot(reader::on_sphere(point)?).map(|spot| Self::Radians(Place(spot))),
+                    true => spot(reader::on_sphere(point)?).map(|spot| Self::Radians(SpherePoint(spot))),
                     false => Ok(Self::Plane(Plane(point))),
                 }
             }
@@ -176,8 +176,8 @@ impl Centre {
         match self {
             Self::Plane(Plane(centre)) => Some(plane::distance(*centre, geometry.flat()?)),
             // By way of metres, as MongoDB does, which costs a digit.
-            Self::Radians(Place(spot)) => Some(geometry.distance(spot.point)? * EARTH / EARTH),
-            Self::Metres(Place(spot)) => Some(geometry.distance(spot.point)? * EARTH),
+            Self::Radians(SpherePoint(spot)) => Some(geometry.distance(spot.point)? * EARTH / EARTH),
+            Self::Metres(SpherePoint(spot)) => Some(geometry.distance(spot.point)? * EARTH),
         }
     }
 }

@@ -46,7 +46,7 @@ pub(super) struct Interval<'f> {
 pub(super) type Intervals<'f> = Vec<Interval<'f>>;
 
 /// A path of an index, as bounds are made for it.
-pub(super) struct Place<'a> {
+pub(super) struct IndexedPath<'a> {
     pub(super) path: &'a str,
     /// Some document has an array there.
     pub(super) multikey: bool,
@@ -57,7 +57,7 @@ pub(super) struct Place<'a> {
 }
 
 /// What a filter says about a path; `None` if it says nothing that an index could use.
-pub(super) fn of_node<'f>(node: &'f Node, place: &Place<'_>) -> Option<Intervals<'f>> {
+pub(super) fn of_node<'f>(node: &'f Node, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     match node {
         Node::And(children) => both(children.iter().filter_map(|child| of_node(child, place)), place.multikey),
         Node::Or(children) => {
@@ -72,18 +72,18 @@ pub(super) fn of_node<'f>(node: &'f Node, place: &Place<'_>) -> Option<Intervals
 }
 
 /// What `$elemMatch` says about a field of the elements.
-fn of_elements<'f>(path: &Path, test: &'f Test, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn of_elements<'f>(path: &Path, test: &'f Test, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     let inner = place.path.strip_prefix(path.text())?.strip_prefix('.')?;
     match test {
         Test::And(tests) => both(tests.iter().filter_map(|test| of_elements(path, test, place)), place.multikey),
         Test::Leaf(Leaf::ElementMatches(node)) if !place.is_positional() => {
-            of_node(node, &Place { path: inner, ..*place })
+            of_node(node, &IndexedPath { path: inner, ..*place })
         }
         _ => None,
     }
 }
 
-fn of_test<'f>(test: &'f Test, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn of_test<'f>(test: &'f Test, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     match test {
         Test::And(tests) => both(tests.iter().filter_map(|test| of_test(test, place)), place.multikey),
         Test::Not(_) => None,
@@ -91,7 +91,7 @@ fn of_test<'f>(test: &'f Test, place: &Place<'_>) -> Option<Intervals<'f>> {
     }
 }
 
-fn of_leaf<'f>(leaf: &'f Leaf, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn of_leaf<'f>(leaf: &'f Leaf, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     // Where strings compare in another way than in the index, only other values have their places there.
     if !place.pattern.is_in_effect() && has_strings(leaf) {
         return None;
@@ -102,7 +102,9 @@ fn of_leaf<'f>(leaf: &'f Leaf, place: &Place<'_>) -> Option<Intervals<'f>> {
         Leaf::Order(order, bound) => ordered(*order, bound, place),
         Leaf::Regex(pattern) => matching(&pattern.pattern, &pattern.options, place),
         // One element passes all of it.
-        Leaf::ElementPasses(test) if !place.is_positional() => of_test(test, &Place { multikey: false, ..*place }),
+        Leaf::ElementPasses(test) if !place.is_positional() => {
+            of_test(test, &IndexedPath { multikey: false, ..*place })
+        }
         Leaf::Never => Some(Vec::new()),
         _ => None,
     }
@@ -118,14 +120,14 @@ fn has_strings(leaf: &Leaf) -> bool {
     }
 }
 
-impl Place<'_> {
+impl IndexedPath<'_> {
     /// Returns whether a part of the path may be the index of an element.
     fn is_positional(&self) -> bool {
         self.path.split('.').any(|part| part.bytes().all(|byte| byte.is_ascii_digit()))
     }
 }
 
-fn equal<'f>(value: &'f Bson, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn equal<'f>(value: &'f Bson, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     match value {
         Bson::Null => null(place),
         // The array may be the value, whose first element is a key then, or an element.
@@ -139,19 +141,19 @@ fn equal<'f>(value: &'f Bson, place: &Place<'_>) -> Option<Intervals<'f>> {
 
 /// Null equals what is missing, which a sparse index lacks, and which a number
 /// in a path that is no index of an array gives more often than there are keys.
-fn null<'f>(place: &Place<'_>) -> Option<Intervals<'f>> {
+fn null<'f>(place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     let usable = !place.sparse && !place.is_positional();
     usable.then(|| vec![Interval::of_type(UNDEFINED), Interval::of_type(NULL)])
 }
 
-fn one_of<'f>(set: &'f Set, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn one_of<'f>(set: &'f Set, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     let values = set.values.iter().map(|value| equal(value, place));
     let patterns = set.patterns.iter().map(|pattern| matching(&pattern.pattern, &pattern.options, place));
     let all: Option<Vec<_>> = values.chain(patterns).collect();
     all.map(|all| either(all.into_iter().flatten().collect()))
 }
 
-fn ordered<'f>(order: Order, bound: &'f Bson, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn ordered<'f>(order: Order, bound: &'f Bson, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     match bound {
         Bson::Null => return null(place),
         Bson::Array(_) | Bson::MinKey | Bson::MaxKey | Bson::Undefined => return None,
@@ -173,7 +175,7 @@ fn ordered<'f>(order: Order, bound: &'f Bson, place: &Place<'_>) -> Option<Inter
 }
 
 /// Returns the texts that begin as a pattern says they must, and patterns, which match themselves.
-fn matching<'f>(pattern: &str, options: &str, place: &Place<'_>) -> Option<Intervals<'f>> {
+fn matching<'f>(pattern: &str, options: &str, place: &IndexedPath<'_>) -> Option<Intervals<'f>> {
     if place.pattern.collation().is_some() {
         return None;
     }
@@ -258,7 +260,7 @@ fn either(mut all: Intervals<'_>) -> Intervals<'_> {
 }
 
 impl<'f> Interval<'f> {
-    fn point(value: &'f Bson, place: &Place<'_>) -> Self {
+    fn point(value: &'f Bson, place: &IndexedPath<'_>) -> Self {
         let bytes = place.pattern.encode(value);
         let limit = |bytes, after| Limit { bytes, after, value: Some(value) };
         Self { low: limit(bytes.clone(), false), high: limit(bytes, true), is_point: true }
@@ -323,7 +325,7 @@ mod tests {
     fn bounds(filter: &Document, multikey: bool) -> Vec<String> {
         let pattern = Pattern::parse(&doc! {"a": 1}).unwrap();
         let filter = Filter::parse(filter).unwrap();
-        match of_node(filter.root(), &Place { path: "a", multikey, sparse: false, pattern: &pattern }) {
+        match of_node(filter.root(), &IndexedPath { path: "a", multikey, sparse: false, pattern: &pattern }) {
             None => vec!["all".to_owned()],
             Some(intervals) => intervals.iter().map(ToString::to_string).collect(),
         }

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document};
 
-use super::bounds::{Interval, Intervals, Place, of_node, successor};
+use super::bounds::{IndexedPath, Interval, Intervals, of_node, successor};
 use super::pattern::Pattern;
 use crate::query::filter::{Filter, Node};
 use crate::query::sort::Sort;
@@ -117,7 +117,7 @@ fn bounds<'f>(root: &'f Node, index: Candidate<'_>) -> Vec<Option<Intervals<'f>>
         // Two paths through one array: their conditions may hold of different elements.
         let usable = is_open && !(multikey && arrays);
         let intervals = match usable {
-            true => of_node(root, &Place { path, multikey, sparse: index.sparse, pattern: index.pattern }),
+            true => of_node(root, &IndexedPath { path, multikey, sparse: index.sparse, pattern: index.pattern }),
             false => None,
         };
         let intervals = intervals.filter(|all| count.saturating_mul(all.len()) <= MAX_RANGES || nth == 0);

@@ -4,7 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf};
 
 use super::documents::Documents;
 use super::groups::Accumulators;
-use super::partition::{Grouping, Item};
+use super::partition::{Entry, Grouping};
 use super::run::Run;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
@@ -56,7 +56,7 @@ impl Group {
         let mut items = (0u64..).zip(input).map(|(number, document)| {
             let document = document?;
             let id = self.id_of(&document, run)?;
-            Ok(Item::Document(number, id, document))
+            Ok(Entry::Document(number, id, document))
         });
         let mut groups = grouping.group(&mut items, 0, &mut runs)?;
         if runs.is_empty() {

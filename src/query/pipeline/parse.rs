@@ -84,7 +84,7 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
             return Err(misplaced(name, index));
         }
         let is_first = documents.iter().take(index).all(is_empty_match);
-        stage(name, argument, scope, Place { depth, is_first }, &mut stages).map_err(|error| error.about(name))?;
+        stage(name, argument, scope, Position { depth, is_first }, &mut stages).map_err(|error| error.about(name))?;
     }
     drop_resorted(&mut stages);
     if depth == 0 {
@@ -95,14 +95,14 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
 
 /// Where a stage is.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct Position {
     depth: usize,
     /// Whether nothing is done before it.
     is_first: bool,
 }
 
-fn stage(name: &str, argument: &Bson, scope: &Scope, place: Place, stages: &mut Vec<Stage>) -> Result<()> {
-    let Place { depth, is_first } = place;
+fn stage(name: &str, argument: &Bson, scope: &Scope, place: Position, stages: &mut Vec<Stage>) -> Result<()> {
+    let Position { depth, is_first } = place;
     if let Some(reshape) = Reshape::parse(name, argument, scope)? {
         let plain = if name == "$unset" { plain_names(argument) } else { None };
         stages.push(plain.map_or(Stage::Reshape(reshape), Stage::Unset));

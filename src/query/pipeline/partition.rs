@@ -22,7 +22,7 @@ const FILES: usize = 16;
 const DEEPEST: u32 = 10;
 
 /// A part of an input.
-pub(super) enum Item {
+pub(super) enum Entry {
     /// A document with its number and the `_id` of its group.
     Document(u64, Bson, RawDocumentBuf),
     /// A group that began before.
@@ -40,17 +40,17 @@ impl<'a, E: From<QueryError>> Grouping<'a, '_, E> {
     /// Returns the groups of an input; those that do not fit in memory are in `runs`, all of them, by their first document.
     pub(super) fn group(
         &self,
-        input: &mut dyn Iterator<Item = std::result::Result<Item, E>>,
+        input: &mut dyn Iterator<Item = std::result::Result<Entry, E>>,
         depth: u32,
         runs: &mut Runs,
     ) -> std::result::Result<Groups<'a>, E> {
         let mut groups = Groups::new(self.accumulators);
         while let Some(item) = input.next() {
             match item? {
-                Item::Document(number, id, document) => {
+                Entry::Document(number, id, document) => {
                     groups.add_numbered(number, id, (&*document).into(), self.run)?;
                 }
-                Item::Group(group) => groups.resume(group),
+                Entry::Group(group) => groups.resume(group),
             }
             // A single group has to fit.
             if groups.held() > self.run.spill().limit && groups.len() > 1 && depth < DEEPEST {
@@ -81,12 +81,12 @@ impl<'a, E: From<QueryError>> Grouping<'a, '_, E> {
     fn divide(
         &self,
         groups: &mut Groups<'_>,
-        input: &mut dyn Iterator<Item = std::result::Result<Item, E>>,
+        input: &mut dyn Iterator<Item = std::result::Result<Entry, E>>,
         depth: u32,
     ) -> std::result::Result<Vec<Kept>, E> {
         let folder = &self.run.spill().folder;
         let mut files = (0..FILES).map(|_| Keeper::new(folder)).collect::<Result<Vec<_>>>()?;
-        let first = groups.take().into_iter().map(|group| Ok(Item::Group(group)));
+        let first = groups.take().into_iter().map(|group| Ok(Entry::Group(group)));
         for item in first.chain(input) {
             let (id, head, body) = parts(item?)?;
             let hash = self.hash.hash_one(key::collated(&id)) >> (4 * depth);
@@ -100,18 +100,18 @@ impl<'a, E: From<QueryError>> Grouping<'a, '_, E> {
     }
 
     /// Reads a file.
-    fn items(&self, mut file: Kept) -> impl Iterator<Item = std::result::Result<Item, E>> {
+    fn items(&self, mut file: Kept) -> impl Iterator<Item = std::result::Result<Entry, E>> {
         std::iter::from_fn(move || self.item(&mut file).map_err(E::from).transpose())
     }
 
-    fn item(&self, file: &mut Kept) -> Result<Option<Item>> {
+    fn item(&self, file: &mut Kept) -> Result<Option<Entry>> {
         let Some(head) = file.next()? else { return Ok(None) };
         let body = file.rest()?;
         let mut head = Document::try_from(&*RawDocumentBuf::from_bytes(head)?)?;
         let first = head.get_i64("first").unwrap_or_default().cast_unsigned();
         let id = head.remove("id").unwrap_or(Bson::Null);
         let Some(Bson::Array(saved)) = head.remove("states") else {
-            return Ok(Some(Item::Document(first, id, RawDocumentBuf::from_bytes(body)?)));
+            return Ok(Some(Entry::Document(first, id, RawDocumentBuf::from_bytes(body)?)));
         };
         let starts = self.accumulators.start(&id, self.run)?;
         let states = starts.into_iter().zip(saved).map(|(start, saved)| match saved {
@@ -119,16 +119,16 @@ impl<'a, E: From<QueryError>> Grouping<'a, '_, E> {
             _ => Ok(start),
         });
         let states = states.collect::<Result<_>>()?;
-        Ok(Some(Item::Group(Group { first, id, states })))
+        Ok(Some(Entry::Group(Group { first, id, states })))
     }
 }
 
 /// Returns what is written of an item: its group, and its document, if it is one.
-fn parts(item: Item) -> Result<(Bson, RawDocumentBuf, Vec<u8>)> {
+fn parts(item: Entry) -> Result<(Bson, RawDocumentBuf, Vec<u8>)> {
     let mut head = Document::new();
     let (first, id, body) = match item {
-        Item::Document(number, id, document) => (number, id, document.into_bytes()),
-        Item::Group(Group { first, id, states }) => {
+        Entry::Document(number, id, document) => (number, id, document.into_bytes()),
+        Entry::Group(Group { first, id, states }) => {
             let states = states.into_iter().map(|state| Ok(Bson::Array(state.save()?)));
             head.insert("states", states.collect::<Result<Vec<Bson>>>()?);
             (first, id, Vec::new())

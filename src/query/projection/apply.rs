@@ -3,14 +3,14 @@
 use bson::raw::RawDocument;
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
-use super::tree::{Branch, Item, Mode};
+use super::tree::{Branch, Mode, Treatment};
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Variables};
 use crate::query::limit::Held;
 
 /// Without decoding, where only whole fields at the top are named.
 pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDocumentBuf>> {
-    if root.children.iter().any(|(_, item)| !matches!(item, Item::Named)) {
+    if root.children.iter().any(|(_, item)| !matches!(item, Treatment::Named)) {
         return Ok(None);
     }
     let mut projected = RawDocumentBuf::new();
@@ -38,11 +38,11 @@ fn named(branch: &Branch, document: &Document) -> Document {
     let mut projected = Document::new();
     for (name, value) in document {
         let kept = match (branch.child(name), branch.mode) {
-            (None, Mode::Include) | (Some(Item::Named), Mode::Exclude) => None,
-            (None, _) | (Some(Item::Named), _) => Some(value.clone()),
-            (Some(Item::Computed(_)), Mode::Include) => None,
-            (Some(Item::Computed(_)), _) => Some(value.clone()),
-            (Some(Item::Branch(inner)), _) => named_value(inner, value),
+            (None, Mode::Include) | (Some(Treatment::Named), Mode::Exclude) => None,
+            (None, _) | (Some(Treatment::Named), _) => Some(value.clone()),
+            (Some(Treatment::Computed(_)), Mode::Include) => None,
+            (Some(Treatment::Computed(_)), _) => Some(value.clone()),
+            (Some(Treatment::Branch(inner)), _) => named_value(inner, value),
         };
         if let Some(value) = kept {
             projected.insert(name.clone(), value);
@@ -63,8 +63,8 @@ fn named_value(branch: &Branch, value: &Bson) -> Option<Bson> {
 fn computed(branch: &Branch, document: &mut Document, environment: &Environment<'_>, held: &mut Held) -> Result<()> {
     for (name, item) in &branch.children {
         match item {
-            Item::Named => {}
-            Item::Computed(expression) => match expression.evaluate(environment)? {
+            Treatment::Named => {}
+            Treatment::Computed(expression) => match expression.evaluate(environment)? {
                 Some(value) => {
                     held.add(&value)?;
                     document.insert(name.clone(), value);
@@ -73,11 +73,11 @@ fn computed(branch: &Branch, document: &mut Document, environment: &Environment<
                     document.remove(name);
                 }
             },
-            Item::Branch(inner) if inner.computes() => {
+            Treatment::Branch(inner) if inner.computes() => {
                 let value = document.get(name).cloned();
                 document.insert(name.clone(), computed_value(inner, value, environment, held)?);
             }
-            Item::Branch(_) => {}
+            Treatment::Branch(_) => {}
         }
     }
     Ok(())

@@ -3,7 +3,7 @@
 use bson::{Bson, Document};
 
 use super::find::{FindOperator, Transform};
-use super::tree::{Branch, Item, Mode, Policy, check_path};
+use super::tree::{Branch, Mode, Policy, Treatment, check_path};
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::number::Number;
@@ -36,7 +36,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
     let mut named = Branch::new(mode);
     for (path, entry) in entries {
         if mode == Mode::Exclude && path != "_id" {
-            named.insert(&path, Item::Named)?;
+            named.insert(&path, Treatment::Named)?;
         }
         match entry {
             Entry::Include | Entry::Exclude if path == "_id" => {
@@ -55,7 +55,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                     };
                     return Err(QueryError::invalid(if include { 31_253 } else { 31_254 }, message));
                 }
-                root.insert(&path, Item::Named)?;
+                root.insert(&path, Treatment::Named)?;
             }
             Entry::Value(value) => {
                 if mode == Mode::Exclude && !is_meta(value) {
@@ -64,12 +64,12 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
                 }
                 id = if path == "_id" { Some(false) } else { id };
                 let expression = Expression::parse_in(value, scope).map_err(|error| unknown(value, error))?;
-                root.insert(&path, Item::Computed(expression))?;
+                root.insert(&path, Treatment::Computed(expression))?;
             }
             Entry::Transform(operator) => {
                 check_path(&path)?;
                 if mode == Mode::Include {
-                    root.insert(&path, Item::Named)?;
+                    root.insert(&path, Treatment::Named)?;
                 }
                 transforms.push(Transform { path, operator, in_place: mode == Mode::Exclude });
             }
@@ -77,8 +77,8 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
     }
     let names_id = root.child("_id").is_some();
     match (mode, id) {
-        (Mode::Include, None | Some(true)) if !names_id => root.insert("_id", Item::Named)?,
-        (Mode::Exclude, Some(false)) => root.insert("_id", Item::Named)?,
+        (Mode::Include, None | Some(true)) if !names_id => root.insert("_id", Treatment::Named)?,
+        (Mode::Exclude, Some(false)) => root.insert("_id", Treatment::Named)?,
         _ => {}
     }
     if transforms.iter().filter(|transform| matches!(transform.operator, FindOperator::Positional)).count() > 1 {
@@ -235,7 +235,7 @@ fn add(prefix: &str, spec: &Document, scope: &Scope, root: &mut Branch, depth: u
                 return Err(QueryError::invalid(40_181, message));
             }
             value => {
-                let expression = Item::Computed(Expression::parse_in(value, scope)?);
+                let expression = Treatment::Computed(Expression::parse_in(value, scope)?);
                 root.insert(&path, expression).map_err(|error| match error.code {
                     31_249 | 31_250 => QueryError { code: 40_176, ..error },
                     _ => error,
@@ -253,7 +253,7 @@ pub(super) fn removals(paths: &[Bson]) -> Result<Branch> {
         let Bson::String(path) = path else {
             return Err(QueryError::invalid(31_120, "$unset needs a string or an array of strings"));
         };
-        root.insert(path, Item::Named)?;
+        root.insert(path, Treatment::Named)?;
     }
     Ok(root)
 }

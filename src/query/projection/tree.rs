@@ -27,12 +27,12 @@ pub(in crate::query) enum Mode {
 #[derive(Debug)]
 pub(in crate::query) struct Branch {
     pub(super) mode: Mode,
-    pub(super) children: Vec<(String, Item)>,
+    pub(super) children: Vec<(String, Treatment)>,
 }
 
 /// How a projection treats a field.
 #[derive(Debug)]
-pub(in crate::query) enum Item {
+pub(in crate::query) enum Treatment {
     /// It is given, or it is left out, by the mode.
     Named,
     Branch(Branch),
@@ -44,16 +44,16 @@ impl Branch {
         Self { mode, children: Vec::new() }
     }
 
-    pub(super) fn child(&self, name: &str) -> Option<&Item> {
+    pub(super) fn child(&self, name: &str) -> Option<&Treatment> {
         self.children.iter().find(|(known, _)| known == name).map(|(_, item)| item)
     }
 
     /// Returns whether anything under this branch is computed.
     pub(super) fn computes(&self) -> bool {
         self.children.iter().any(|(_, item)| match item {
-            Item::Computed(_) => true,
-            Item::Branch(branch) => branch.computes(),
-            Item::Named => false,
+            Treatment::Computed(_) => true,
+            Treatment::Branch(branch) => branch.computes(),
+            Treatment::Named => false,
         })
     }
 
@@ -61,13 +61,13 @@ impl Branch {
     ///
     /// # Errors
     /// If another item is there, or on the way.
-    pub(super) fn insert(&mut self, path: &str, item: Item) -> Result<()> {
+    pub(super) fn insert(&mut self, path: &str, item: Treatment) -> Result<()> {
         check_path(path)?;
         let parts: Vec<&str> = path.split('.').collect();
         self.insert_at(&parts, item, path)
     }
 
-    fn insert_at(&mut self, parts: &[&str], item: Item, path: &str) -> Result<()> {
+    fn insert_at(&mut self, parts: &[&str], item: Treatment, path: &str) -> Result<()> {
         let Some((name, rest)) = parts.split_first() else { return Ok(()) };
         let mode = self.mode;
         let place = self.children.iter().position(|(known, _)| known == name);
@@ -79,11 +79,11 @@ impl Branch {
             return Ok(());
         }
         let place = place.unwrap_or_else(|| {
-            self.children.push(((*name).to_owned(), Item::Branch(Self::new(mode))));
+            self.children.push(((*name).to_owned(), Treatment::Branch(Self::new(mode))));
             self.children.len() - 1
         });
         match self.children.get_mut(place) {
-            Some((_, Item::Branch(branch))) => branch.insert_at(rest, item, path),
+            Some((_, Treatment::Branch(branch))) => branch.insert_at(rest, item, path),
             _ => Err(QueryError::invalid(31_249, format!("path collision at {path}"))),
         }
     }

@@ -10,12 +10,12 @@ use crate::serve::failure::{Failure, codes};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Token {
     pub(super) position: i64,
-    pub(super) place: Place,
+    pub(super) place: TokenKind,
 }
 
 /// What is at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum TokenKind {
     /// A change.
     Change,
     /// The end of a stream, behind the change that ended it.
@@ -27,9 +27,9 @@ pub(super) enum Place {
 impl Token {
     pub(super) fn to_document(self) -> Document {
         let kind: u8 = match self.place {
-            Place::Change => 1,
-            Place::End => 2,
-            Place::Between => 3,
+            TokenKind::Change => 1,
+            TokenKind::End => 2,
+            TokenKind::Between => 3,
         };
         doc! { "_data": format!("{:016x}{kind:02x}", self.position) }
     }
@@ -45,9 +45,9 @@ impl Token {
         };
         let (position, kind) = data.split_at_checked(16).ok_or_else(invalid)?;
         let place = match kind {
-            "01" => Place::Change,
-            "02" => Place::End,
-            "03" => Place::Between,
+            "01" => TokenKind::Change,
+            "02" => TokenKind::End,
+            "03" => TokenKind::Between,
             _ => return Err(invalid()),
         };
         let position = i64::from_str_radix(position, 16).map_err(|_| invalid())?;
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn tokens_are_read_as_written_and_sort_by_position() {
-        let token = |position| Token { position, place: Place::Change };
+        let token = |position| Token { position, place: TokenKind::Change };
         let text = |position| token(position).to_document().get_str("_data").unwrap().to_owned();
         assert_eq!(Token::read(&token(7).to_document()), Ok(token(7)));
         assert!(text(9) < text(10) && text(255) < text(256));
