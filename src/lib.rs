@@ -65,8 +65,8 @@
 //!
 //! # A plan, validated
 //!
-//! [`planner::builtin::solve`] is the built-in planner in this process, which prints as FF does; [`planner::run`] runs any planner
-//! in a process of its own, under limits. [`pddl::validate`] simulates a plan:
+//! [`planner::builtin::solve`] is the built-in planner in this process, which prints as FF does; [`planner::run`] runs
+//! any planner in a process of its own, under limits. [`pddl::validate`] simulates a plan:
 //!
 //! ```
 //! use rmem::formats::{Source, pddl::Dialect, plan::ff};

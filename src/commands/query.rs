@@ -134,8 +134,8 @@ fn why(diagnosis: &Diagnosis, memory: &Memory, context: &mut Context<'_>) -> Res
     Ok(Exit::Done)
 }
 
-/// A document whose keys are fields, with numbers for values. A list of names, as other tools take it, gets a hint with `option`
-/// in front.
+/// A document whose keys are fields, with numbers for values. A list of names, as other tools take it, gets a hint
+/// with `option` in front.
 pub(super) fn fields(name: &'static str, option: &str, text: &str) -> Result<bson::Document, Diagnostic> {
     argument(name, text).map_err(|error| {
         // A sign in front is how others write a direction, or that a field is left out.

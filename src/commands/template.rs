@@ -90,8 +90,8 @@ pub(super) fn is_template(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "j2" || extension == "tmpl")
 }
 
-/// Renders a domain that is a template, with the parameters of the problem's, and checks it. Returns its text, which goes by the
-/// template's name, and what it was rendered with.
+/// Renders a domain that is a template, with the parameters of the problem's, and checks it. Returns its text, which
+/// goes by the template's name, and what it was rendered with.
 pub(super) fn render_domain(
     path: &Path,
     options: &TemplateArgs,

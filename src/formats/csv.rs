@@ -2,8 +2,9 @@
 //!
 //! A key may say its type, as for `mongoimport --columnsHaveTypes`: `count.int32()`. Where it does not, a value is a number,
 //! true or false, a date with time and zone, JSON in braces or brackets, or else a text: what `--format csv` writes. A
-//! number may be spelled as for mongoimport (`+5`, `.5`, `5.`, `1e3`, `NaN`, `-inf`); one with zeros in front is a text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`.
-//! Quotes are those of RFC 4180; the parser is the crate `csv-core`.
+//! number may be spelled as for mongoimport (`+5`, `.5`, `5.`, `1e3`, `NaN`, `-inf`); one with zeros in front is a
+//! text. An empty value is left out. `pose.x` is the key `x` of the document at `pose`. Quotes are those of RFC 4180;
+//! the parser is the crate `csv-core`.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;

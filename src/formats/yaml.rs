@@ -18,8 +18,8 @@ use super::{Diagnostic, Position, Source, Span};
 /// At most so many values come from aliases, so that few lines cannot fill the memory.
 const MOST_ALIASED: usize = 1_000_000;
 
-/// The documents of a YAML text, each with the line and column, from 1, where it begins, once the text before it is read. After
-/// an error nothing more comes.
+/// The documents of a YAML text, each with the line and column, from 1, where it begins, once the text before it is
+/// read. After an error nothing more comes.
 pub fn documents(source: &Source) -> impl Iterator<Item = Result<(Position, Document), Diagnostic>> {
     let mut reader = Reader {
         source,
@@ -39,8 +39,8 @@ pub fn documents(source: &Source) -> impl Iterator<Item = Result<(Position, Docu
     })
 }
 
-/// Returns the texts in the sequence that is the value of a key of the first document, each with the suffix of its tag: a tag of
-/// an application, which [`documents`] passes over. Texts that are no YAML have none.
+/// Returns the texts in the sequence that is the value of a key of the first document, each with the suffix of its
+/// tag: a tag of an application, which [`documents`] passes over. Texts that are no YAML have none.
 pub fn tagged_texts(source: &Source, key: &str) -> Vec<(Option<String>, String)> {
     let mut parser = Parser::new_from_str(source.text());
     let mut next = || parser.next_event().and_then(Result::ok).map(|(event, _)| event);
@@ -223,7 +223,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Whether a tag is one of an application, like `!url`, also with a prefix that `%TAG` gives it: it says nothing about the value.
+/// Whether a tag is one of an application, like `!url`, also with a prefix that `%TAG` gives it: it says nothing about
+/// the value.
 fn is_local(tag: &Tag) -> bool {
     !(tag.is_yaml_core_schema() || tag.handle.is_empty() && tag.suffix == "!")
 }

@@ -2,8 +2,9 @@
 //!
 //! How it is spelled is [`crate::formats::pddl`]'s business. A [`Domain`] is read and
 //! checked by itself, a [`Problem`] against its domain; what passes has every name
-//! resolved. [`validate`] simulates a plan, and [`repair`] says what would mend one that breaks; [`why`] says what keeps a goal from ever being reached. Names compare without regard to case and
-//! keep the spelling they were declared with.
+//! resolved. [`validate`] simulates a plan, and [`repair`] says what would mend one that breaks; [`why`] says what
+//! keeps a goal from ever being reached. Names compare without regard to case and keep the spelling they were declared
+//! with.
 
 mod axiom;
 mod domain;

@@ -1,9 +1,9 @@
 //! Checks a problem while it is made, without holding it.
 //!
-//! Objects and plain elements of `:init`, of which there may be millions, are checked one by one and forgotten; of the objects,
-//! names and types are kept. Everything else is kept, and checked at the end as a problem of its own, with those of the objects
-//! that it names. The answer is that nothing is wrong or odd, or that this is doubtful: then the problem has to be read as a
-//! whole, by [`Problem::read`], which knows what to say.
+//! Objects and plain elements of `:init`, of which there may be millions, are checked one by one and forgotten; of the
+//! objects, names and types are kept. Everything else is kept, and checked at the end as a problem of its own, with
+//! those of the objects that it names. The answer is that nothing is wrong or odd, or that this is doubtful: then the
+//! problem has to be read as a whole, by [`Problem::read`], which knows what to say.
 
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};

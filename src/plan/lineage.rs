@@ -200,7 +200,8 @@ fn racer(racer: &Racer) -> Bson {
 }
 
 /// What keeps the goal from being reached: the conditions that can never hold, those of the goal first, each
-/// with what would make it hold and what that lacks, in the memory's spelling, and the predicates that are never true of anything.
+/// with what would make it hold and what that lacks, in the memory's spelling, and the predicates that are never true
+/// of anything.
 fn reasons(why: &Why) -> Document {
     if why.is_unknown {
         return doc! { "unknown": true };

@@ -13,7 +13,8 @@ use super::Record;
 use super::progress::Progress;
 
 impl Record {
-    /// Returns the report of the plan. `namespace` is where it is stored, none where it is not; `exit` is the exit code of its outcome.
+    /// Returns the report of the plan. `namespace` is where it is stored, none where it is not; `exit` is the exit
+    /// code of its outcome.
     #[must_use]
     pub fn report(&self, namespace: Option<&str>, exit: u8) -> Document {
         let lineage = self.lineage();

@@ -8,8 +8,9 @@
 //! { domain: {name, text}, problem: {name, text}, lenient }
 //! ```
 //!
-//! `parts` are the templates that the template names, by the names it has for them. `goal` is there where one was given, and `name` says where a text was read. The address
-//! of the memory, which may hold credentials, is not part of it.
+//! `parts` are the templates that the template names, by the names it has for them. `goal` is there where one was
+//! given, and `name` says where a text was read. The address of the memory, which may hold credentials, is not part of
+//! it.
 
 use bson::{Bson, Document, doc};
 

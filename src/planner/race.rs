@@ -1,8 +1,9 @@
 //! Several planners at once on one task.
 //!
 //! The first whose plan is right wins, and the others are ended. A proof of rmem's own that there is no plan
-//! ends the race as well. Where another planner says so, the others go on: a plan of one of them refutes it, and without a plan
-//! it counts. A planner that cannot handle the task, is not installed or fails does not take part any longer.
+//! ends the race as well. Where another planner says so, the others go on: a plan of one of them refutes it, and
+//! without a plan it counts. A planner that cannot handle the task, is not installed or fails does not take part any
+//! longer.
 //!
 //! The limits are one for all. Each may use what the others leave of the memory; where all of them together
 //! have more than the limit, the one that has most is ended, and the others go on.

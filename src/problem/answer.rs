@@ -16,7 +16,8 @@ use crate::store::{Documents, Find, Namespace, StoreError};
 
 /// How many documents the first part of an answer holds at most: few, since it may be all that is wanted.
 const FIRST: usize = 256;
-/// How many the others hold at most, and how many bytes until they are complete: enough to make the way between the threads cheap.
+/// How many the others hold at most, and how many bytes until they are complete: enough to make the way between the
+/// threads cheap.
 const BATCH: usize = 2048;
 const BATCH_SIZE: usize = 1 << 20;
 

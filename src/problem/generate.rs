@@ -27,8 +27,9 @@ pub fn generate(request: &Request, memory: &Memory) -> Result<Generated, Problem
     Ok(generated)
 }
 
-/// Makes the problem without holding it, in `file` if there is one, and checks it against a domain if one is given. Nothing comes back where the problem
-/// may be wrong or odd, or where the template is of a kind that is not made in this way: [`generate`] is for these.
+/// Makes the problem without holding it, in `file` if there is one, and checks it against a domain if one is given.
+/// Nothing comes back where the problem may be wrong or odd, or where the template is of a kind that is not made in
+/// this way: [`generate`] is for these.
 ///
 /// # Errors
 /// A mistake in the goal or a parameter, and a store that fails.

@@ -103,8 +103,8 @@ pub fn readable(text: &str) -> String {
     readable
 }
 
-/// A text of the memory as it is written in an expression: in quotes where it has blanks, brackets or quotes, or where PDDL would
-/// take it for an operator, a variable, a keyword, a number, or a name that stands for another text.
+/// A text of the memory as it is written in an expression: in quotes where it has blanks, brackets or quotes, or where
+/// PDDL would take it for an operator, a variable, a keyword, a number, or a name that stands for another text.
 #[must_use]
 pub fn written(text: &str) -> String {
     let is_special = |c: char| c.is_whitespace() || c.is_control() || "()\";\\".contains(c);

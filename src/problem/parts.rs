@@ -13,8 +13,9 @@ use crate::input::decode;
 const MOST_LOOKED_AT: usize = 1_000;
 const MOST_SHOWN: usize = 8;
 
-/// Reads the templates that a template includes, extends or imports, and those that these do, from the first of the folders that
-/// has one. A name leads to a file inside of its folder: it is relative, without `..`, and no symbolic link on the way leads out.
+/// Reads the templates that a template includes, extends or imports, and those that these do, from the first of the
+/// folders that has one. A name leads to a file inside of its folder: it is relative, without `..`, and no symbolic
+/// link on the way leads out.
 ///
 /// # Errors
 /// A name that leads out of the folders, or to no file, at its place.

@@ -7,8 +7,8 @@ use super::taken::Taken;
 use super::{Request, Syntax, marker, minijinja};
 use crate::formats::{Diagnostic, Source, Span, nearest};
 
-/// Refuses a goal that the template does not use, and parameters that none of the templates uses; `others` are rendered with the
-/// same parameters. What Fawkes accepted is accepted under [`Request::lenient`].
+/// Refuses a goal that the template does not use, and parameters that none of the templates uses; `others` are
+/// rendered with the same parameters. What Fawkes accepted is accepted under [`Request::lenient`].
 ///
 /// # Errors
 /// What is not used, with the nearest name that is.

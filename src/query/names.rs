@@ -140,8 +140,9 @@ const KINDS: [(&str, NameContext, &[&str]); 4] = [
     ("unrecognized pipeline stage name: ", NameContext::Stage, &STAGES),
 ];
 
-/// Returns where a name stands that the message says is unknown; none where it is known nowhere, or the message is about something
-/// else. `meant` is the condition with the name behind a key that was probably meant, where that is known.
+/// Returns where a name stands that the message says is unknown; none where it is known nowhere, or the message is
+/// about something else. `meant` is the condition with the name behind a key that was probably meant, where that is
+/// known.
 #[must_use]
 pub fn misplaced(message: &str, name: &str, meant: Option<String>) -> Option<String> {
     let (_, place, _) = KINDS.iter().find(|(words, ..)| message.starts_with(words))?;
@@ -210,7 +211,8 @@ fn at_top(name: &str) -> String {
     format!("{{{name}: {value}}}")
 }
 
-/// Returns the names that an unknown one may stand for, by the message about it; none where the message is about something else.
+/// Returns the names that an unknown one may stand for, by the message about it; none where the message is about
+/// something else.
 #[must_use]
 pub fn known_names(message: &str) -> &'static [&'static str] {
     KINDS.iter().find(|(words, ..)| message.starts_with(words)).map_or(&[], |(.., names)| names)

@@ -1,7 +1,7 @@
 //! Fields of documents of one kind: several at once, in one pass over each document.
 //!
-//! The names of the document before are remembered in their order. Where the next one has the same, each name is only compared,
-//! and not searched for its end.
+//! The names of the document before are remembered in their order. Where the next one has the same, each name is only
+//! compared, and not searched for its end.
 
 use bson::{RawBsonRef, RawDocument};
 

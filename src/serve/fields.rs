@@ -230,8 +230,8 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A number as the `i64` that MongoDB takes it as: a double without its fraction, a decimal rounded to the even neighbour, what is none
-/// as 0, and what is too large as the largest.
+/// A number as the `i64` that MongoDB takes it as: a double without its fraction, a decimal rounded to the even
+/// neighbour, what is none as 0, and what is too large as the largest.
 pub(super) fn whole(value: &Bson) -> Option<i64> {
     match value {
         Bson::Int32(number) => Some((*number).into()),

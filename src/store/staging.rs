@@ -17,7 +17,8 @@ pub const RESTORE: &str = "restoring_";
 /// The prefix of what `$out` fills: a collection of rmem's own, which no list shows and no watch reports.
 pub const OUT: &str = "rmem.out_";
 
-/// The age at which the collections of a process that cannot be seen from here are removed: no restore is expected to take a day.
+/// The age at which the collections of a process that cannot be seen from here are removed: no restore is expected to
+/// take a day.
 const MAX_AGE: Duration = Duration::from_secs(24 * 3600);
 
 /// A new name for a collection that waits, in the database of `namespace`.

@@ -1,9 +1,9 @@
 //! The files of a robot's configuration, as Fawkes has them.
 //!
 //! Where a file begins with a document that has `include`, the files and folders that it names are read behind it: those with
-//! the tag `!ignore-missing` where they exist, and the one with `!host-specific`, which may be missing, behind all others. `$host`
-//! in a name is the name of this computer. Names are relative to the folder of the first file. Source: Fawkes'
-//! `src/libs/config/yaml.cpp`.
+//! the tag `!ignore-missing` where they exist, and the one with `!host-specific`, which may be missing, behind all
+//! others. `$host` in a name is the name of this computer. Names are relative to the folder of the first file. Source:
+//! Fawkes' `src/libs/config/yaml.cpp`.
 
 use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};

@@ -27,8 +27,8 @@ impl Template {
     }
 }
 
-/// The section around `offset`, if `offset` is in one of the nodes; `latest` has the sections with a query so far. The reader bounds
-/// how deep sections nest.
+/// The section around `offset`, if `offset` is in one of the nodes; `latest` has the sections with a query so far. The
+/// reader bounds how deep sections nest.
 fn queried<'a>(
     nodes: &'a [Node],
     offset: usize,

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 use std::hash::{BuildHasher as _, RandomState};
 
-/// What is set in each byte of a name before it is hashed: it makes lower-case letters of upper-case ones. Few other characters
-/// become equal by it, and names are compared after all.
+/// What is set in each byte of a name before it is hashed: it makes lower-case letters of upper-case ones. Few other
+/// characters become equal by it, and names are compared after all.
 const LOWER_CASE: u64 = 0x2020_2020_2020_2020;
 /// How many names that were asked for last are remembered.
 const RECENT: usize = 3;

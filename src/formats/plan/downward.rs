@@ -46,8 +46,8 @@ impl Steps {
     }
 }
 
-/// Reads a plan file: steps as `(move r2 k l)`, or as Fast Downward logs them, `move r2 k l (1)`. A last line `; cost = N (unit cost)` gives the cost; whether it
-/// has to be there is the caller's business ([`whole`]).
+/// Reads a plan file: steps as `(move r2 k l)`, or as Fast Downward logs them, `move r2 k l (1)`. A last line `; cost
+/// = N (unit cost)` gives the cost; whether it has to be there is the caller's business ([`whole`]).
 ///
 /// # Errors
 ///

@@ -289,7 +289,8 @@ pub(super) fn is_pseudo_step(text: &str) -> bool {
     text.trim().rsplit([' ', ':']).next().is_some_and(|word| word.eq_ignore_ascii_case(PSEUDO_ACTION))
 }
 
-/// One line of a file with FF's steps: its action, where it has one, and what its number says. None where the line is not a step.
+/// One line of a file with FF's steps: its action, where it has one, and what its number says. None where the line is
+/// not a step.
 pub(super) fn step_of(
     text: &str,
     line: usize,

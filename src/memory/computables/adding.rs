@@ -1,8 +1,9 @@
 //! Computables that add keys to stored documents while a query is answered. What they add is stored nowhere.
 //!
 //! The documents that the query may match are read, and get the added keys; over them the query is
-//! answered ([`extended`](super::extended)). A key that a document has already stays as it is stored. Where the keys are known (`adds = ["distance"]`), the
-//! query may ask for them, too: its conditions on them are left out when the documents are chosen.
+//! answered ([`extended`](super::extended)). A key that a document has already stays as it is stored. Where the keys
+//! are known (`adds = ["distance"]`), the query may ask for them, too: its conditions on them are left out when the
+//! documents are chosen.
 
 use std::collections::{BTreeMap, HashMap};
 use std::time::Instant;

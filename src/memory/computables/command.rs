@@ -2,8 +2,8 @@
 //!
 //! It runs in its folder, without a shell, in a process group of its own that
 //! is gone when the body is done. It reads the query as one line of Extended
-//! JSON, relaxed, on standard input, where it adds keys behind it the documents, one a line, and writes documents to standard output:
-//! JSON lines, or any other text that rmem reads as documents. An exit code other than 0
+//! JSON, relaxed, on standard input, where it adds keys behind it the documents, one a line, and writes documents to
+//! standard output: JSON lines, or any other text that rmem reads as documents. An exit code other than 0
 //! is an error.
 
 use std::ffi::{OsStr, OsString};

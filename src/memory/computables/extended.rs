@@ -1,7 +1,7 @@
 //! Documents with the keys that computables add to them, and the answers to queries over them.
 //!
-//! What needs nothing but the documents themselves is answered over them as they are. For the rest (another collection, an index
-//! that an operator needs) they are put into a store in memory.
+//! What needs nothing but the documents themselves is answered over them as they are. For the rest (another
+//! collection, an index that an operator needs) they are put into a store in memory.
 
 use std::cell::OnceCell;
 

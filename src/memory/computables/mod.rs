@@ -2,8 +2,8 @@
 //!
 //! A computable has a *spec*, a query that is matched against the asked query
 //! as a document ([`spec`]). The [`registry`] knows which of them a query needs,
-//! and in which order: those of the settings, and those that the memory itself keeps ([`kept`], as documents: [`record`]). Each has a [`body`], one
-//! file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
+//! and in which order: those of the settings, and those that the memory itself keeps ([`kept`], as documents:
+//! [`record`]). Each has a [`body`], one file per kind: [`pipeline`], [`command`], [`transform`], [`nearest`]. What a
 //! body gives is stored beside the other documents, with an entry in the
 //! [`cache`] that all processes share ([`renewal`]); then the query is answered over all of
 //! them ([`answer`]).

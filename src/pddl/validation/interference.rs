@@ -41,7 +41,8 @@ impl Touch {
     }
 }
 
-/// Two of those that happen at one time which are about the same facts, where not all only look; of several, the first in the plan.
+/// Two of those that happen at one time which are about the same facts, where not all only look; of several, the first
+/// in the plan.
 pub(super) fn interfering(effects: &[Effects]) -> Option<(usize, usize)> {
     let mut uses = Uses::default();
     for (place, Effects { reads, changes, .. }) in effects.iter().enumerate() {

@@ -1,7 +1,8 @@
 //! Preferences: how often each is violated, for metrics that count that (`is-violated`).
 //!
-//! As PDDL 3 has it (Gerevini and Long 2005), a preference in a goal counts once for each choice of objects for the quantifiers around
-//! it, one in a precondition once for each step in which it does not hold, and one in `:constraints` once.
+//! As PDDL 3 has it (Gerevini and Long 2005), a preference in a goal counts once for each choice of objects for the
+//! quantifiers around it, one in a precondition once for each step in which it does not hold, and one in
+//! `:constraints` once.
 
 use std::sync::Arc;
 

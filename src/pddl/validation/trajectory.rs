@@ -102,8 +102,8 @@ impl Trajectory {
         });
     }
 
-    /// Shows the state to all constraints. Returns the first that every plan has to satisfy and that no end of the plan can satisfy
-    /// any more.
+    /// Shows the state to all constraints. Returns the first that every plan has to satisfy and that no end of the
+    /// plan can satisfy any more.
     pub(super) fn see(&mut self, state: &State<'_>) -> Result<Option<String>, EvaluationError> {
         let mut broken = None;
         for monitor in self.monitors.iter_mut().filter(|monitor| !monitor.is_broken) {
@@ -115,8 +115,8 @@ impl Trajectory {
         Ok(broken)
     }
 
-    /// Ends the trajectory. Returns the first constraint that every plan has to satisfy and this one does not, and the names of the
-    /// preferences that are violated.
+    /// Ends the trajectory. Returns the first constraint that every plan has to satisfy and this one does not, and the
+    /// names of the preferences that are violated.
     pub(super) fn end(&mut self, state: &State<'_>) -> (Option<String>, Vec<Arc<str>>) {
         let mut violated = vec![false; self.preferences.len()];
         let mut broken = None;

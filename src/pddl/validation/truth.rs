@@ -178,8 +178,8 @@ impl State<'_> {
     }
 }
 
-/// Whether two numbers compare so. Of `<`, `=` and `>` always one holds; `<=` and `>=` are the negations of `>` and `<`. A greater
-/// tolerance than that of numbers, as durations have it, forgives and makes nothing stricter.
+/// Whether two numbers compare so. Of `<`, `=` and `>` always one holds; `<=` and `>=` are the negations of `>` and
+/// `<`. A greater tolerance than that of numbers, as durations have it, forgives and makes nothing stricter.
 fn compare(comparator: Comparator, left: f64, right: f64, tolerance: f64) -> bool {
     let strict = tolerance.min(TOLERANCE);
     match comparator {

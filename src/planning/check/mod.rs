@@ -35,8 +35,8 @@ pub struct Check {
 /// is running has begun: see [`validate_rest`].
 ///
 /// # Errors
-/// Where the plan does not say what it was made from, or is not a plan; where the problem is wrong, other than that objects are
-/// gone; a store that fails.
+/// Where the plan does not say what it was made from, or is not a plan; where the problem is wrong, other than that
+/// objects are gone; a store that fails.
 pub fn check(record: &Record, now: Option<Source>, memory: &Memory) -> Result<Check, PlanningError> {
     let mut source = record.source().map_err(|error| PlanningError::NoSource { id: record.id(), error })?;
     let is_from_file = now.is_none() && !source.is_template();

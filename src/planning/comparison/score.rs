@@ -1,8 +1,9 @@
 //! What the measurements of a planner come to.
 //!
 //! Scores of the International Planning Competition (2018, 2023): *satisficing*, the cost of the best plan that any of the
-//! planners found divided by that of this one (where a metric is to be maximized: its value divided by the best one); *agile*, 1 within a second, else 1 − log T / log L with the limit L. PAR10
-//! (Hutter et al. 2009) is the mean time, with ten times the limit for a task that is not solved.
+//! planners found divided by that of this one (where a metric is to be maximized: its value divided by the best one);
+//! *agile*, 1 within a second, else 1 − log T / log L with the limit L. PAR10 (Hutter et al. 2009) is the mean time,
+//! with ten times the limit for a task that is not solved.
 
 use bson::{Document, doc};
 
@@ -77,7 +78,8 @@ fn satisficing(measured: &Measurement, all: &[Measurement]) -> f64 {
     }
 }
 
-/// The best cost of the plans for a task; none where one of them has none, or a negative one, as ratios of those have no meaning.
+/// The best cost of the plans for a task; none where one of them has none, or a negative one, as ratios of those have
+/// no meaning.
 fn best(task: &str, all: &[Measurement]) -> Option<f64> {
     let plans = || all.iter().filter(|other| other.task == task && other.is_solved() && !other.is_unsolvable());
     let costs: Vec<f64> = plans().map(|plan| plan.cost.filter(|cost| *cost >= 0.0)).collect::<Option<_>>()?;

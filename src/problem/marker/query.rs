@@ -23,8 +23,8 @@ pub(super) fn placeholders(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// A query with the values of the parameters that its texts, patterns and keys name. A text that is nothing but `%NAME%` becomes the value
-/// with its type; a key stays a key: no value makes an operator of it.
+/// A query with the values of the parameters that its texts, patterns and keys name. A text that is nothing but
+/// `%NAME%` becomes the value with its type; a key stays a key: no value makes an operator of it.
 pub(super) fn filled(query: Document, request: &Request, place: Span) -> Result<Document, Diagnostic> {
     let mut result = Document::new();
     for (key, value) in query {

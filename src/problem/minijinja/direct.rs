@@ -1,8 +1,8 @@
 //! What is rendered becomes the problem at once.
 //!
 //! A value goes into the problem where minijinja writes directly to it. Where minijinja collects text first, for a macro, a
-//! block or a filter, the value is kept, and a number in brackets stands for it in that text until the text is written. A value
-//! is kept until then only: a text that is written twice makes the problem doubtful.
+//! block or a filter, the value is kept, and a number in brackets stands for it in that text until the text is
+//! written. A value is kept until then only: a text that is written twice makes the problem doubtful.
 
 use std::collections::HashMap;
 use std::io;

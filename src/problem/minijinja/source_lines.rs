@@ -1,8 +1,9 @@
 //! Where text comes from that an expression or a filter wrote.
 //!
-//! Text inside of `{% filter %}`, and of a macro or a `{% set %}` block that a template does more with than writing it, has no marks.
-//! Where an expression or a filter writes such text, its lines are looked for among those of the blocks that it came from. A
-//! line that is not there, since a filter changed it, was made by the filter or the expression.
+//! Text inside of `{% filter %}`, and of a macro or a `{% set %}` block that a template does more with than writing
+//! it, has no marks. Where an expression or a filter writes such text, its lines are looked for among those of the
+//! blocks that it came from. A line that is not there, since a filter changed it, was made by the filter or the
+//! expression.
 
 use super::blocks::{closes, opens};
 use super::tags::{Tag, TagKind, tags};

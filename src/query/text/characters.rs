@@ -18,7 +18,8 @@ fn is_in(ranges: &[(char, char)], c: char) -> bool {
     behind.checked_sub(1).and_then(|index| ranges.get(index)).is_some_and(|(_, last)| c <= *last)
 }
 
-/// The characters between words beyond ASCII, from the first to the last of each range: those of mongod 6.0, found by asking it.
+/// The characters between words beyond ASCII, from the first to the last of each range: those of mongod 6.0, found by
+/// asking it.
 const DELIMITERS: [(char, char); 111] = [
     ('\u{85}', '\u{85}'),
     ('\u{a0}', '\u{a7}'),

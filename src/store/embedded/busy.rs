@@ -26,8 +26,8 @@ static TELL: OnceLock<fn(&str)> = OnceLock::new();
 /// What it is called with.
 const WAITING: &str = "another process writes to the memory; waiting until it is done";
 
-/// Calls `tell` with a message for each write of this process that has waited two seconds for another process, once. The first call of
-/// this function counts.
+/// Calls `tell` with a message for each write of this process that has waited two seconds for another process, once.
+/// The first call of this function counts.
 pub fn tell_waits(tell: fn(&str)) {
     let _ = TELL.set(tell);
 }

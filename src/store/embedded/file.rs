@@ -344,7 +344,8 @@ fn upgrade(connection: &Connection) -> rusqlite::Result<()> {
 ///
 /// FULL makes every commit wait for the disk, so that not even a loss of power
 /// takes back what was acknowledged. The commit that fills 1000 pages of the log folds
-/// them into the file, and the log is cut to 64 MiB after a long reader let it grow. The cache holds some hundred thousand small documents.
+/// them into the file, and the log is cut to 64 MiB after a long reader let it grow. The cache holds some hundred
+/// thousand small documents.
 fn tune(connection: &Connection) -> rusqlite::Result<()> {
     be_durable(connection, true)?;
     connection.pragma_update(None, "journal_size_limit", 64 << 20)?;

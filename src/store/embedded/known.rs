@@ -1,7 +1,7 @@
 //! The collections that transactions looked up, remembered for the next ones.
 //!
-//! `PRAGMA data_version` changes with every commit of another connection, in this process or another one. As long as it is the same, and
-//! this store has changed no collection itself, what was looked up is still so.
+//! `PRAGMA data_version` changes with every commit of another connection, in this process or another one. As long as
+//! it is the same, and this store has changed no collection itself, what was looked up is still so.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;

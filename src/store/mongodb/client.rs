@@ -16,8 +16,8 @@ use crate::store::{Namespace, StoreError};
 
 /// How long the driver looks for a server, unless the URI sets it.
 const SELECTION_TIMEOUT: Duration = Duration::from_secs(4);
-/// How often the driver checks a server, unless the URI sets it. Where it does not answer within this and [`SELECTION_TIMEOUT`], the
-/// driver ends the operations that wait for it.
+/// How often the driver checks a server, unless the URI sets it. Where it does not answer within this and
+/// [`SELECTION_TIMEOUT`], the driver ends the operations that wait for it.
 const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(2);
 /// How long a write waits for a majority, unless the URI sets it.
 const MAJORITY_TIMEOUT: Duration = Duration::from_secs(10);

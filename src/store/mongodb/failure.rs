@@ -83,8 +83,8 @@ pub(super) fn explain_change(address: &str, ns: &Namespace, error: &Error) -> St
     sent(explain_write(address, ns, error), error, || format!("the change of {ns} was made"))
 }
 
-/// The error of a write that was sent to a server, where one was found: where the connection was lost meanwhile, it is not known
-/// whether `what` is so.
+/// The error of a write that was sent to a server, where one was found: where the connection was lost meanwhile, it is
+/// not known whether `what` is so.
 fn sent(explained: StoreError, error: &Error, what: impl FnOnce() -> String) -> StoreError {
     match explained {
         StoreError::Unreachable { address, reason, .. }

@@ -2,7 +2,8 @@
 //! "Exploiting a graphplan framework in temporal planning"; Coles, Fox, Halsey, Long and Smith 2009).
 //!
 //! What happens in a plan with times, one thing after the other, is a plan of the classical task: what happens at one
-//! moment does not interfere, and so may have any order. So where the classical task has no plan, neither has the temporal one:
+//! moment does not interfere, and so may have any order. So where the classical task has no plan, neither has the
+//! temporal one:
 //!
 //! - A start asks for what must hold at the start, and an end for what must hold at the end. Between them the action is
 //!   entered, which asks for what must hold over all: at some moment between two happenings all of it holds.
