@@ -137,6 +137,7 @@ pub mod error;
 pub mod exit;
 pub mod fault;
 pub mod interrupt;
+mod saturate;
 
 use std::ffi::OsString;
 use std::io::{BufRead, Write};

@@ -5,6 +5,7 @@ use std::time::Duration;
 use bson::{Document, doc};
 
 use super::work::Work;
+use crate::saturate::to_i64;
 
 /// How long one kind of work takes.
 #[derive(Debug, Clone)]
@@ -24,7 +25,7 @@ impl Figure {
     #[must_use]
     pub fn document(&self) -> Document {
         let microseconds = |duration: Duration| (duration.as_secs_f64() * 1e7).round() / 10.0;
-        let count = i64::try_from(self.documents).unwrap_or(i64::MAX);
+        let count = to_i64(self.documents);
         let mut document = doc! { "documents": count, "work": self.work.name() };
         for (subject, median) in &self.medians {
             document.insert(format!("{subject}_us"), microseconds(*median));

@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{quantity, shell};
 use crate::output::Format;
+use crate::saturate::to_i64;
 use crate::settings::{Origin, Setting, Settings};
 use crate::store::{HistoryRule, Scope, StoreUri};
 
@@ -43,7 +44,7 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
     ];
     rows.extend(settings.most_documents.iter().map(|(namespace, most)| {
         let key = format!("most_documents.{namespace}");
-        row(format!("{key} = {most}"), &key, Some(i64::try_from(*most).unwrap_or(i64::MAX)), None)
+        row(format!("{key} = {most}"), &key, Some(to_i64(*most)), None)
     }));
     rows.extend(settings.planners.iter().map(|planner| {
         let line = format!("planner.{} = {:?}", planner.name, planner.command);

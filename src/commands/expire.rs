@@ -7,6 +7,7 @@ use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::memory::expiry::Expired;
+use crate::saturate::to_i64;
 use crate::store::{Namespace, NamespaceError};
 
 /// What stands below the help of `expire`.
@@ -67,7 +68,7 @@ pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> Result<Exit> 
 }
 
 fn report(namespace: &Namespace, expired: &Expired) -> Document {
-    let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let count = to_i64::<u64>;
     let mut report = doc! {
         "namespace": namespace.to_string(),
         "decayed": count(expired.decayed),

@@ -15,6 +15,7 @@ use crate::memory::Memory;
 use crate::output::{Format, is_stdout};
 use crate::pddl::Domain;
 use crate::problem::{self, Request, SectionReport, Streamed};
+use crate::saturate::to_i64;
 use crate::settings::Origin;
 
 /// Generate a PDDL problem from a template with queries
@@ -139,11 +140,11 @@ fn summary(sections: &[SectionReport], text: Option<String>) -> Document {
     let section = |section: &SectionReport| {
         let mut part: Document = section.part.iter().map(|part| ("part".to_owned(), part.into())).collect();
         part.extend(doc! {
-            "line": i64::try_from(section.line).unwrap_or(i64::MAX),
+            "line": to_i64(section.line),
             "name": &section.name,
             "namespace": section.namespace.to_string(),
             "query": shell::relaxed(&section.query),
-            "documents": i64::try_from(section.matched).unwrap_or(i64::MAX),
+            "documents": to_i64(section.matched),
         });
         part
     };

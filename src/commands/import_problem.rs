@@ -14,6 +14,7 @@ use crate::formats::pddl::{Dialect, read_problem};
 use crate::memory::Memory;
 use crate::pddl::Problem;
 use crate::problem::import::{RELATIONS, import};
+use crate::saturate::to_i64;
 use crate::store::Namespace;
 
 /// How many documents are stored in one transaction.
@@ -74,7 +75,7 @@ pub(super) fn run(args: &ImportProblemArgs, context: &mut Context<'_>) -> Result
     }
     context.output.note(&format!("{count} stored in {}", args.into));
     let template = args.template.as_ref().map(|path| path.display().to_string());
-    let stored = i64::try_from(count).unwrap_or(i64::MAX);
+    let stored = to_i64(count);
     context.print_report([], doc! { "ns": args.into.to_string(), "stored": stored, "template": template })?;
     if let Some(path) = &args.template {
         context.output.write_file(path, imported.template(&args.into).as_bytes())?;

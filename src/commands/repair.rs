@@ -9,6 +9,7 @@ use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::output::amount;
+use crate::saturate::to_i64;
 use crate::store::embedded::Repaired;
 use crate::store::{Embedded, StoreUri};
 
@@ -46,7 +47,7 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
     let counts = [(*collections, "collection"), (*documents, "document"), (*indexes, "index")];
     let counts = counts.map(|(number, what)| amount(number, what)).join(", ");
     let lines = std::iter::once(counts).chain(lost.iter().map(|lost| format!("lost: {lost}")));
-    let number = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let number = to_i64::<u64>;
     let report = doc! {
         "collections": number(*collections),
         "documents": number(*documents),

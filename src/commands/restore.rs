@@ -14,6 +14,7 @@ use crate::input::unreadable;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
 use crate::memory::dump::restore::{RestoreOptions, Restored, restore};
+use crate::saturate::to_i64;
 use crate::store::Namespace;
 
 /// What stands below the help of `restore`.
@@ -132,7 +133,7 @@ pub(super) fn stdin(context: &mut Context<'_>) -> Result<Dump> {
 
 /// What was done for a collection.
 fn row(restored: &Restored) -> Document {
-    let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let count = to_i64::<u64>;
     let mut row = doc! {
         "namespace": restored.namespace.to_string(),
         "inserted": count(restored.inserted),

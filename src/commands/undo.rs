@@ -14,6 +14,7 @@ use crate::memory::Memory;
 use crate::memory::history::Selection;
 use crate::memory::undo::{DEFAULT_LAST, PartialRun, Restoration, UndoPlan};
 use crate::output::{Format, amount};
+use crate::saturate::to_i64;
 use crate::store::{Entry, StoreError, metadata};
 
 /// What stands below the help of `undo`.
@@ -130,7 +131,7 @@ fn last(args: &UndoArgs) -> Option<usize> {
 }
 
 fn result(plan: &UndoPlan) -> Document {
-    let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+    let count = to_i64::<usize>;
     let removed = plan.documents.iter().filter(|document| document.target.is_none()).count();
     doc! {
         "changes": count(plan.changes),

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::interrupt::InterruptGuard;
+use crate::saturate::to_i64;
 use crate::store::{Namespace, Query, UpdateRequest, UpdateSpec};
 
 /// What stands below the help of `update`.
@@ -131,5 +132,5 @@ pub(super) fn specification(source: &Source) -> Result<UpdateSpec, Diagnostic> {
 }
 
 fn count(number: u64) -> i64 {
-    i64::try_from(number).unwrap_or(i64::MAX)
+    to_i64(number)
 }

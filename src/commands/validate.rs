@@ -16,6 +16,7 @@ use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, 
 use crate::plan::{reported, rounded};
 use crate::planner::{Task, spaced};
 use crate::problem::names;
+use crate::saturate::to_i64;
 
 /// Check a domain and a problem, and simulate a plan
 #[derive(Debug, Args)]
@@ -216,7 +217,7 @@ impl CheckedPlan {
             },
             "value": value,
             "makespan": self.plan.makespan().map(reported),
-            "steps": i64::try_from(self.plan.steps.len()).unwrap_or(i64::MAX),
+            "steps": to_i64(self.plan.steps.len()),
             "step": step.and_then(|step| i64::try_from(step + 1).ok()),
             "message": message.map(|message| names::readable(&message)),
             "repairs": self.repairs.iter().map(|repair| names::readable(&repair.to_string())).collect::<Vec<_>>(),

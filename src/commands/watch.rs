@@ -21,6 +21,7 @@ use crate::formats::{nearest, quantity};
 use crate::memory::Memory;
 use crate::memory::watch::{Trigger, Watch, event};
 use crate::output::Format;
+use crate::saturate::to_i64;
 use crate::settings::Origin;
 use crate::store::{Name, Namespace, Next, StoreError, StoreUri};
 
@@ -220,7 +221,7 @@ fn names(context: &mut Context<'_>) -> Result<Exit> {
 }
 
 fn listed(name: &Name) -> Document {
-    let number = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let number = to_i64::<u64>;
     doc! {
         "name": &name.name,
         "ns": name.namespace.to_string(),

@@ -14,6 +14,7 @@ use super::Memory;
 use super::modify::Modification;
 use crate::formats::visible;
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// How long a waiting process sleeps at first …
@@ -143,7 +144,7 @@ impl Mutex {
     fn taken(&self, ttl: Option<Duration>) -> UpdateSpec {
         let until = match ttl {
             Some(ttl) => {
-                let milliseconds = i64::try_from(ttl.as_millis()).unwrap_or(i64::MAX);
+                let milliseconds = to_i64(ttl.as_millis());
                 Bson::Document(doc! { "$add": ["$$NOW", milliseconds] })
             }
             None => "$$REMOVE".into(),

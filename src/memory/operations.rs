@@ -12,6 +12,7 @@ use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
 use super::unseen;
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, Documents, Find, Inserted, Namespace, Put, Query, Role, Store, StoreError, StoreUri, UpdateRequest,
     Updated, Values, metadata,
@@ -203,7 +204,7 @@ impl Memory {
                 let choose = Find { filter: chosen, modifiers, ..Find::default() };
                 let mut explanation = self.routes.reading(ns)?.explain(ns, &choose)?;
                 let returned = extended.find(ns, find)?;
-                explanation.insert("returned", i64::try_from(returned.len()).unwrap_or(i64::MAX));
+                explanation.insert("returned", to_i64(returned.len()));
                 if !find.sort.is_empty() {
                     explanation.insert("sort", "memory");
                 }

@@ -10,6 +10,7 @@ use super::{Input, TaskSource};
 use crate::formats::shell;
 use crate::pddl::{Problem, Why};
 use crate::problem::{Generated, SectionReport, names};
+use crate::saturate::to_i64;
 
 /// What stands for the planner of a plan that came from a file.
 pub const IMPORTED: &str = "import";
@@ -149,10 +150,10 @@ impl Lineage {
     #[must_use]
     pub fn to_document(&self) -> Document {
         let queries = self.queries.iter().map(|asked| {
-            let count = i64::try_from(asked.count).unwrap_or(i64::MAX);
+            let count = to_i64(asked.count);
             Bson::Document(doc! {
                 "name": &asked.name, "namespace": &asked.namespace, "query": &asked.query, "count": count,
-                "line": i64::try_from(asked.line).unwrap_or(i64::MAX),
+                "line": to_i64(asked.line),
             })
         });
         let mut document = doc! { "domain": &self.domain, "problem": &self.problem };

@@ -11,6 +11,7 @@ use bson::{Array, Bson, Document, doc};
 
 use super::Record;
 use super::progress::Progress;
+use crate::saturate::to_i64;
 
 impl Record {
     /// Returns the report of the plan. `namespace` is where it is stored, none where it is not; `exit` is the exit
@@ -107,7 +108,7 @@ fn step(index: usize, entry: &Document, is_listed: bool, progress: &Progress) ->
         _ => args.values().cloned().collect(),
     };
     doc! {
-        "index": i64::try_from(index + 1).unwrap_or(i64::MAX), "action": of(name), "args": args, "list": list,
+        "index": to_i64(index + 1), "action": of(name), "args": args, "list": list,
         "start": number(&of(start)), "duration": number(&of(duration)), "status": progress.status.word(),
     }
 }

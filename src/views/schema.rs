@@ -6,6 +6,7 @@ use bson::{Bson, Document, doc};
 
 use crate::formats::shell;
 use crate::query::{compare_values as compare, type_name};
+use crate::saturate::to_i64;
 
 /// So many different values of a field are told apart; beyond them there are only "more".
 const DISTINCT: usize = 10_000;
@@ -107,7 +108,7 @@ impl Field {
     }
 
     fn describe(&self, total: u64) -> Document {
-        let integer = |count: u64| i64::try_from(count).unwrap_or(i64::MAX);
+        let integer = to_i64::<u64>;
         let share = self.documents as f64 / total.max(1) as f64;
         let types: Document =
             self.types.iter().map(|(name, count)| ((*name).to_owned(), integer(*count).into())).collect();
@@ -133,9 +134,7 @@ impl Field {
             self.values.iter().filter(|(_, (_, count))| *count > 1).collect();
         values.sort_by(|a, b| b.1.1.cmp(&a.1.1).then_with(|| a.0.cmp(b.0)));
         let shown = values.into_iter().take(FREQUENT);
-        shown
-            .map(|(_, (value, count))| doc! { "value": value, "count": i64::try_from(*count).unwrap_or(i64::MAX) })
-            .collect()
+        shown.map(|(_, (value, count))| doc! { "value": value, "count": to_i64(*count) }).collect()
     }
 }
 

@@ -16,16 +16,16 @@ const RECURSIVE: [(&str, usize, &str); 4] = [
 ];
 
 /// Each module, and the modules that it uses. A new dependency is written down here.
-const USES: [(&str, &str); 27] = [
+const USES: [(&str, &str); 28] = [
     ("backend", "fault formats settings store"),
-    ("bench", "memory store views"),
+    ("bench", "memory saturate store views"),
     ("calendar", ""),
     ("cli", "commands formats output settings store"),
-    ("clips", "error fault formats input memory plan planner planning problem process query store"),
+    ("clips", "error fault formats input memory plan planner planning problem process query saturate store"),
     (
         "commands",
-        "backend bench calendar clips error exit fault formats input interrupt memory output pddl plan \
-         planner planning problem process query scene serve settings store views",
+        "backend bench calendar clips error exit fault formats input interrupt memory output pddl plan planner \
+         planning problem process query saturate scene serve settings store views",
     ),
     ("deadline", ""),
     ("error", "fault"),
@@ -34,20 +34,21 @@ const USES: [(&str, &str); 27] = [
     ("formats", "calendar fault"),
     ("input", "fault formats"),
     ("interrupt", ""),
-    ("memory", "calendar fault formats input interrupt process query store"),
+    ("memory", "calendar fault formats input interrupt process query saturate store"),
     ("output", "error fault formats input interrupt process"),
     ("pddl", "formats"),
-    ("plan", "fault formats memory pddl problem query store"),
+    ("plan", "fault formats memory pddl problem query saturate store"),
     ("planner", "fault formats pddl process"),
-    ("planning", "fault formats interrupt memory pddl plan planner problem process store"),
+    ("planning", "fault formats interrupt memory pddl plan planner problem process saturate store"),
     ("problem", "fault formats input memory pddl query store"),
     ("process", "formats"),
     ("query", "calendar fault"),
+    ("saturate", ""),
     ("scene", "formats memory query store"),
-    ("serve", "deadline fault memory process query store"),
+    ("serve", "deadline fault memory process query saturate store"),
     ("settings", "error formats input memory output pddl planner query scene store"),
-    ("store", "calendar deadline fault formats interrupt process query"),
-    ("views", "fault formats memory query scene store"),
+    ("store", "calendar deadline fault formats interrupt process query saturate"),
+    ("views", "fault formats memory query saturate scene store"),
 ];
 
 type Name = Vec<String>;

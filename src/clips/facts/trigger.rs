@@ -11,6 +11,7 @@ use super::nested::Nested;
 use super::schema::Schema;
 use crate::formats::clips::{Fact, Item, Reader};
 use crate::formats::{Source, shell};
+use crate::saturate::to_i64;
 
 /// What a program of CLIPS has to know of the facts: each document is JSON, in a string, and
 /// empty where there is none.
@@ -34,7 +35,7 @@ pub fn trigger(name: Option<&str>, event: &Document, received: Duration) -> Resu
     let exporter = Exporter { schema: &schema, nested: Nested::Refuse, strict: false };
     let namespace = event.get_str("ns").unwrap_or_default();
     let json = |key: &str| event.get(key).map(shell::relaxed_value).unwrap_or_default();
-    let seconds = i64::try_from(received.as_secs()).unwrap_or(i64::MAX);
+    let seconds = to_i64(received.as_secs());
     let fact = doc! {
         RELATION: "robmem-trigger",
         "name": name.unwrap_or(namespace),

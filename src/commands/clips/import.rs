@@ -15,6 +15,7 @@ use crate::formats::clips::{self, Body, Fact, Globals, Item, Reader, Slot};
 use crate::formats::command_line::word;
 use crate::formats::{Diagnostic, Source, Span, Texts, nearest};
 use crate::memory::Memory;
+use crate::saturate::to_i64;
 use crate::store::{Namespace, StoreError};
 
 /// What stands below the help of `clips import`.
@@ -85,7 +86,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     let put = memory.put(&namespace, documents).map_err(|error| taken(error, &found, &texts, &memory))?;
     drop(progress);
     let is_empty = repeated == 0 && stored == 0 && found.is_empty();
-    let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+    let count = to_i64::<u64>;
     let unchanged = put.same + u64::try_from(stored).unwrap_or(u64::MAX);
     let result =
         doc! { "inserted": count(put.inserted), "replaced": count(put.replaced), "unchanged": count(unchanged) };

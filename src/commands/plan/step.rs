@@ -12,6 +12,7 @@ use crate::output::Format;
 use crate::pddl::{Reach, Step};
 use crate::plan::{self, Last, Record, Repository, Status, Stored};
 use crate::problem::names;
+use crate::saturate::to_i64;
 use crate::store::Namespace;
 
 /// How far planners round times, in the plan's unit.
@@ -76,7 +77,7 @@ pub(super) fn run(args: &StepArgs, context: &mut Context<'_>) -> Result<Exit> {
     let step = steps(&plan).into_iter().nth(number.saturating_sub(1)).unwrap_or_default();
     if context.format(&formats::TEXT)? == Format::Json {
         let of = |key: &str| step.get(key).cloned().unwrap_or(Bson::Null);
-        let number = i64::try_from(number).unwrap_or(i64::MAX);
+        let number = to_i64(number);
         let report = doc! {
             "id": plan.id(), "namespace": args.namespace.to_string(), "step": number, "action": of("action"),
             "args": of("args"), "list": of("list"), "status": status.word(),

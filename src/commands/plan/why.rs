@@ -11,6 +11,7 @@ use crate::formats::shell;
 use crate::output::Format;
 use crate::plan::{Last, Record, Status, hash, rounded, whole};
 use crate::problem::names;
+use crate::saturate::to_i64;
 use crate::store::Namespace;
 
 /// How wide the names are.
@@ -46,11 +47,11 @@ pub(super) fn run(args: &WhyArgs, context: &mut Context<'_>) -> Result<Exit> {
 
 /// The lineage for programs: as it is stored, but for the texts of the files.
 fn to_document(record: &Record, lineage: &Document, namespace: &Namespace) -> Document {
-    let count = |status| record.progress().iter().filter(|step| step.status == status).count() as i64;
+    let count = |status| to_i64(record.progress().iter().filter(|step| step.status == status).count());
     let mut document = doc! {
         "id": record.id(), "namespace": namespace.to_string(),
         "execution": {
-            "steps": record.progress().len() as i64, "done": count(Status::Done), "running": count(Status::Running),
+            "steps": to_i64(record.progress().len()), "done": count(Status::Done), "running": count(Status::Running),
             "failed": count(Status::Failed),
         },
     };

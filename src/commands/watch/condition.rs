@@ -7,6 +7,7 @@ use std::time::Instant;
 use bson::{DateTime, Document, doc};
 
 use crate::memory::Memory;
+use crate::saturate::to_i64;
 use crate::store::{Namespace, StoreError};
 
 /// The comparisons, longer spellings first.
@@ -76,7 +77,7 @@ impl Counting<'_> {
             doc! {
                 "operation": "count",
                 "ns": namespace.to_string(),
-                "count": i64::try_from(count).unwrap_or(i64::MAX),
+                "count": to_i64(count),
                 "when": self.condition.to_string(),
                 "time": DateTime::now(),
             }

@@ -15,6 +15,7 @@ use std::time::Duration;
 use super::definition::Definition;
 use crate::process::holder::{Holder, Life};
 use crate::query::{QueryError, decode};
+use crate::saturate::to_i64;
 use crate::store::{Find, Namespace, Store, StoreError, UpdateRequest, UpdateSpec, metadata};
 
 /// The collection of the entries.
@@ -260,7 +261,7 @@ impl<'a> Entry<'a> {
 fn result(done: Done<'_>) -> Document {
     doc! {
         "made": done.token,
-        "documents": i64::try_from(done.ids.len()).unwrap_or(i64::MAX),
+        "documents": to_i64(done.ids.len()),
         "ids": listed(done.ids),
         "took": done.took.and_then(|took| i64::try_from(took.as_micros()).ok()),
         metadata::info_path("cached_until"): done.life.until,
@@ -379,6 +380,6 @@ fn is_dead(entry: &Document) -> bool {
 
 /// How long after `now`.
 pub(super) fn after(now: DateTime, by: Duration) -> DateTime {
-    let by = i64::try_from(by.as_millis()).unwrap_or(i64::MAX);
+    let by = to_i64(by.as_millis());
     DateTime::from_millis(now.timestamp_millis().saturating_add(by))
 }

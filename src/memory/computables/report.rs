@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use bson::{Document, doc};
 
+use crate::saturate::to_i64;
 use crate::store::Namespace;
 
 /// What one computable did for an operation.
@@ -29,7 +30,7 @@ impl Computed {
             "name": &self.name,
             "namespace": self.namespace.to_string(),
             "cached": self.cached,
-            "documents": i64::try_from(self.documents).unwrap_or(i64::MAX),
+            "documents": to_i64(self.documents),
             "milliseconds": (self.took.as_secs_f64() * 1e6).round() / 1e3,
         }
     }

@@ -15,6 +15,7 @@ use super::computables::{Answering, View};
 use super::operations::Memory;
 use crate::formats::shell;
 use crate::query::is_condition;
+use crate::saturate::to_i64;
 use crate::store::{Find, Namespace, Store, StoreError};
 use condition::{Test, conditions, tests};
 pub use remark::Remark;
@@ -294,7 +295,7 @@ impl Diagnosis {
     /// The diagnosis for programs.
     #[must_use]
     pub fn to_document(&self) -> Document {
-        let number = |count: u64| i64::try_from(count).unwrap_or(i64::MAX);
+        let number = to_i64::<u64>;
         let condition = |condition: &Condition| {
             let remarks: Vec<String> = condition.remarks.iter().map(ToString::to_string).collect();
             doc! {

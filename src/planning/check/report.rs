@@ -6,6 +6,7 @@ use super::{Check, Fault, Origin};
 use crate::formats::shell;
 use crate::pddl::{Cause, Repair};
 use crate::problem::names;
+use crate::saturate::to_i64;
 
 impl Check {
     /// Whether the plan still reaches its goal.
@@ -104,5 +105,5 @@ fn repaired(repair: &Repair) -> Bson {
 }
 
 fn number(count: usize) -> Bson {
-    Bson::Int64(i64::try_from(count).unwrap_or(i64::MAX))
+    Bson::Int64(to_i64(count))
 }

@@ -7,6 +7,7 @@ use bson::{Bson, DateTime, Document, doc};
 use crate::pddl::Plan;
 use crate::plan::{hash, reported, whole};
 use crate::planner::{Host, Limits, Outcome, Planner, Run, Task, run};
+use crate::saturate::to_i64;
 
 /// A run to be measured: what makes it the same as another.
 pub struct Setup<'a> {
@@ -96,7 +97,7 @@ impl Setup<'_> {
             "program": self.program.to_vec(),
             "memory_limit": limit,
             "anytime": self.anytime,
-            "repeats": i64::try_from(self.repeats).unwrap_or(i64::MAX),
+            "repeats": to_i64(self.repeats),
             "domain": hash(self.task.domain.source().text()),
             "problem": hash(self.task.problem.source().text()),
         }
@@ -141,7 +142,7 @@ fn measure_once(setup: &Setup<'_>, host: &Host<'_>) -> Measurement {
     let mut run = run(setup.planner, &setup.task, &setup.limits, host);
     run.simulate(&setup.task);
     let plan = run.outcome.plan();
-    let steps = plan.map(|plan| i64::try_from(plan.steps.len()).unwrap_or(i64::MAX));
+    let steps = plan.map(|plan| to_i64(plan.steps.len()));
     #[expect(clippy::cast_precision_loss, reason = "a number of steps")]
     let length = steps.map(|steps| steps as f64);
     let makespan = plan.and_then(Plan::makespan);

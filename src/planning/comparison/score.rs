@@ -8,6 +8,7 @@
 use bson::{Document, doc};
 
 use super::Measurement;
+use crate::saturate::to_i64;
 
 /// The score of a planner.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,7 +128,7 @@ impl Score {
     /// The score as a document.
     #[must_use]
     pub fn listed(&self) -> Document {
-        let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+        let count = to_i64::<usize>;
         let rounded = |number: f64| (number * 1e3).round() / 1e3;
         #[expect(clippy::cast_precision_loss, reason = "numbers of tasks")]
         let coverage = self.solved as f64 / (self.tasks as f64).max(1.0);

@@ -4,6 +4,7 @@ use bson::{Bson, Document, doc};
 
 use super::definition::raw;
 use super::handshake::VERSION;
+use crate::saturate::to_i64;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::{number, whole};
@@ -49,7 +50,7 @@ pub(super) fn explained(
             doc! {
                 "executionSuccess": true,
                 "nReturned": counted("returned"),
-                "executionTimeMillis": number(i64::try_from(call.request.since.elapsed().as_millis()).unwrap_or(i64::MAX)),
+                "executionTimeMillis": number(to_i64(call.request.since.elapsed().as_millis())),
                 "totalKeysExamined": counted("keys_examined"),
                 "totalDocsExamined": counted("documents_examined"),
                 "executionStages": stages,

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use bson::{Bson, DateTime, Document, doc};
 
 use super::definition::{Command, raw};
+use crate::saturate::to_i64;
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::number;
@@ -26,7 +27,7 @@ pub(super) const COMMANDS: &[Command] = &[
 fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
     let counters = &server.counters;
     let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed).cast_signed();
-    let size = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
+    let size = to_i64::<usize>;
     let connected = server.connected();
     raw(&doc! {
         "host": host_name(),
@@ -34,7 +35,7 @@ fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
         "process": "rmem",
         "pid": i64::from(std::process::id()),
         "uptime": server.since.elapsed().as_secs_f64(),
-        "uptimeMillis": i64::try_from(server.since.elapsed().as_millis()).unwrap_or(i64::MAX),
+        "uptimeMillis": to_i64(server.since.elapsed().as_millis()),
         "localTime": DateTime::now(),
         "connections": {
             "current": number(size(connected)),
@@ -110,7 +111,7 @@ fn top(_: &mut Client, _: &Server, _: &Request) -> Answer {
 
 /// What is being done; a command is over too soon to be seen.
 pub(super) fn operations(server: &Server) -> Vec<Document> {
-    let connected = i64::try_from(server.connected()).unwrap_or(i64::MAX);
+    let connected = to_i64(server.connected());
     vec![doc! { "type": "op", "host": host_name(), "active": true, "op": "command", "connections": connected }]
 }
 

@@ -5,6 +5,7 @@ use bson::{Bson, DateTime, Document, doc};
 use super::definition::{Command, raw};
 use crate::memory::{Listed, Memory};
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure};
 use crate::serve::fields::{Fields, number, whole};
@@ -100,13 +101,13 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     let double = |number: i64| number as f64;
     raw(&doc! {
         "db": &call.request.database,
-        "collections": number(i64::try_from(all.len()).unwrap_or(i64::MAX) - views),
+        "collections": number(to_i64(all.len()) - views),
         "views": number(views),
         "objects": number(sum.count),
         "avgObjSize": if sum.count > 0 { double(sum.bytes) / double(sum.count) } else { 0.0 },
         "dataSize": double(sum.bytes / scale),
         "storageSize": double(sum.bytes / scale),
-        "indexes": number(i64::try_from(indexes).unwrap_or(i64::MAX)),
+        "indexes": number(to_i64(indexes)),
         "indexSize": 0.0,
         "totalSize": double(sum.bytes / scale),
         "scaleFactor": double(scale),

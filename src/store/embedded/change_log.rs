@@ -7,6 +7,7 @@
 use bson::{DateTime, RawDocument};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
+use crate::saturate::to_i64;
 use crate::store::{ChangeKind, Namespace};
 
 /// What the names of those watchers begin with that keep changes for whoever comes back.
@@ -79,7 +80,7 @@ impl<'a> Noted<'a> {
 
 pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) -> rusqlite::Result<()> {
     let bytes = |document: Option<&'_ RawDocument>| document.map_or(0, |document| document.as_bytes().len());
-    let size = i64::try_from(bytes(noted.before) + bytes(noted.after) + OVERHEAD).unwrap_or(i64::MAX);
+    let size = to_i64(bytes(noted.before) + bytes(noted.after) + OVERHEAD);
     let sql = "INSERT INTO changes (database, collection, kind, time, before, after, volume) VALUES (?, ?, ?, ?, ?, ?,
                ? + coalesce((SELECT volume FROM changes ORDER BY sequence DESC LIMIT 1), 0))";
     connection

@@ -18,6 +18,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::change_log;
 use super::watcher::{HISTORY as PREFIX, covers};
+use crate::saturate::to_i64;
 use crate::store::{HistoryRule, Namespace, Scope};
 
 /// How long, in milliseconds, a scope is kept at least after the last process named it.
@@ -129,8 +130,8 @@ fn name(connection: &Connection, rule: &HistoryRule) -> rusqlite::Result<()> {
     let sql = "SELECT 1 FROM watchers WHERE name = ?";
     let is_kept = connection.prepare_cached(sql)?.exists([row_name(&pattern)])?;
     let former = if is_kept { None } else { wider(connection, &pattern)? };
-    let age = i64::try_from(rule.age.as_millis()).unwrap_or(i64::MAX);
-    let size = i64::try_from(rule.size).unwrap_or(i64::MAX);
+    let age = to_i64(rule.age.as_millis());
+    let size = to_i64(rule.size);
     let sql = "INSERT INTO histories (database, collection, age, size, since, beat) VALUES (?1, ?2, ?3, ?4, ?5, ?5)
                ON CONFLICT DO UPDATE SET age = ?3, size = ?4, beat = ?5";
     connection.prepare_cached(sql)?.execute(params![pattern.database, pattern.collection, age, size, now])?;

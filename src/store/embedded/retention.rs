@@ -15,6 +15,7 @@ use super::snapshot::Snapshot;
 use super::{Embedded, change_log, feed, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::store::{ChangePage, Kept, Namespace, Scope, Since, StoreError};
 
 /// MongoDB's code for changes that are not kept any more.
@@ -122,7 +123,7 @@ impl Embedded {
 fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Result<Kept> {
     let (pattern, last) = (pattern(scope), change_log::last(connection)?);
     let (holder, now) = (Holder::myself().to_string(), DateTime::now().timestamp_millis());
-    let before = now.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
+    let before = now.saturating_sub(to_i64(age.as_millis()));
     let Some(from) = position(connection, scope)? else {
         // What is kept for a wider scope is kept for this one, too.
         let sql = "SELECT coalesce(min(position), ?3) FROM watchers

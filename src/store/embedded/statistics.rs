@@ -5,6 +5,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use super::Embedded;
 use super::catalog::Collection;
 use crate::query::{Description, QueryError};
+use crate::saturate::to_i64;
 use crate::store::{Namespace, StoreError};
 
 /// What stands for the name of a host: a file is on none.
@@ -68,7 +69,7 @@ impl Embedded {
     ) -> Result<Document, StoreError> {
         let mut size = 0;
         for document in self.matches(ns, &Document::new())? {
-            size += i64::try_from(document?.as_bytes().len()).unwrap_or(i64::MAX);
+            size += to_i64(document?.as_bytes().len());
         }
         let stored = collection.bytes(&self.connection).map_err(|e| self.explain(&e))?;
         let indexes = self.indexes_of(collection)?;
@@ -93,7 +94,7 @@ impl Embedded {
             "storageSize": number(stored / scale),
             "freeStorageSize": 0,
             "capped": false,
-            "nindexes": number(i64::try_from(sizes.len()).unwrap_or(i64::MAX)),
+            "nindexes": number(to_i64(sizes.len())),
             "indexBuilds": [],
             "totalIndexSize": number(all / scale),
             "totalSize": number((stored + all) / scale),

@@ -12,6 +12,7 @@ use super::snapshot::Snapshot;
 use super::{Embedded, busy, failure, file, known};
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
+use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
     Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
@@ -178,7 +179,7 @@ impl Store for Embedded {
 
     fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
         // A negative number is one of kibibytes.
-        let kibibytes = i64::try_from(bytes / 1024).unwrap_or(i64::MAX);
+        let kibibytes = to_i64(bytes / 1024);
         self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
     }
 

@@ -9,6 +9,7 @@ use mongodb::options::{ClientOptions, ReadPreference, SelectionCriteria, ServerA
 use mongodb::sync::Client;
 
 use super::failure;
+use crate::saturate::to_i64;
 use crate::store::StoreError;
 
 /// A connection to one server, whatever its role in a replica set.
@@ -247,7 +248,7 @@ impl Admin {
     /// # Errors
     /// Where it refuses. That it does not answer any more is what was asked for.
     pub fn shut_down(&self, grace: Duration) -> Result<(), AdminError> {
-        let seconds = i64::try_from(grace.as_secs()).unwrap_or(i64::MAX);
+        let seconds = to_i64(grace.as_secs());
         match self.run("admin", doc! { "shutdown": 1, "force": true, "timeoutSecs": seconds }) {
             Ok(_) | Err(AdminError::Silent(_)) => Ok(()),
             Err(refused) => Err(refused),

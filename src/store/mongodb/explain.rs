@@ -4,6 +4,7 @@ use bson::{Bson, Document, doc};
 
 use super::MongoDb;
 use super::visible::behind_expression;
+use crate::saturate::to_i64;
 use crate::store::{Find, Namespace, StoreError};
 
 impl MongoDb {
@@ -17,7 +18,7 @@ impl MongoDb {
         }
         for (key, number) in [("skip", find.skip), ("limit", find.limit)] {
             if number > 0 {
-                query.insert(key, i64::try_from(number).unwrap_or(i64::MAX));
+                query.insert(key, to_i64(number));
             }
         }
         let command = doc! { "explain": query, "verbosity": "executionStats" };

@@ -18,6 +18,7 @@ use mongodb::sync::Collection;
 use super::MongoDb;
 use super::position::HISTORY;
 use crate::query::{QueryError, key};
+use crate::saturate::to_i64;
 use crate::store::history::{Entry, History, HistoryRule, not_kept, too_old};
 use crate::store::metadata::{INSERTED, UPDATED, info_path};
 use crate::store::{Change, ChangeKind, Changes, Documents, Find, Namespace, Next, Store as _, StoreError};
@@ -231,7 +232,7 @@ impl MongoDb {
     }
 
     fn oldest(&self, rule: &HistoryRule) -> Result<DateTime, StoreError> {
-        let age = i64::try_from(rule.age.as_millis()).unwrap_or(i64::MAX);
+        let age = to_i64(rule.age.as_millis());
         Ok(DateTime::from_millis(self.server_time()?.timestamp_millis().saturating_sub(age)))
     }
 

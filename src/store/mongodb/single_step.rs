@@ -9,6 +9,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::dates::add_field;
 use crate::query::{QueryError, type_name};
+use crate::saturate::to_i64;
 use crate::store::metadata::{INFO, UPDATED};
 use crate::store::{UpdateRequest, UpdateSpec};
 
@@ -138,7 +139,7 @@ fn differs_in_bytes(found: &Bson, text: &str) -> Document {
 }
 
 fn whole(number: usize) -> i64 {
-    i64::try_from(number).unwrap_or(i64::MAX)
+    to_i64(number)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use super::update::is_replacement;
 use super::visible::{behind_expression, in_stages};
 use super::{MongoDb, failure};
 use crate::query::{Collation, QueryError, object_id};
+use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
@@ -83,7 +84,7 @@ impl Store for MongoDb {
         }
         action = modified!(action, &find.modifiers, collation variables hint time);
         if find.limit > 0 {
-            action = action.limit(i64::try_from(find.limit).unwrap_or(i64::MAX));
+            action = action.limit(to_i64(find.limit));
         }
         let cursor = action.run().map_err(|e| self.explain(&e))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))

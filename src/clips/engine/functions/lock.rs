@@ -11,6 +11,7 @@ use super::operation;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;
 use crate::memory::lock::{Mutex, Tried};
+use crate::saturate::to_i64;
 use crate::store::{Index, StoreError, UpdateRequest, UpdateSpec};
 
 pub(super) const FUNCTIONS: &[Function] = &[
@@ -83,7 +84,7 @@ fn setup(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result
 /// Frees mutexes that were locked longer ago than so many seconds; returns how many.
 pub(super) fn expire(state: &State<'_>, _: &Environment, arguments: Arguments<'_>) -> Result<Value, Failure> {
     let age = Duration::from_secs(u64::try_from(arguments.integer(1)?).unwrap_or_default());
-    let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
+    let age = to_i64(age.as_millis());
     let filter = doc! { "locked": true, "$expr": { "$lte": ["$lock-time", { "$subtract": ["$$NOW", age] }] } };
     let free = doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } };
     let update = UpdateSpec::Document(free);

@@ -11,6 +11,7 @@ use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::state::State;
 use crate::clips::engine::table::Thing;
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::store::{Find, Index, UpdateRequest, UpdateSpec};
 
 pub(super) const FUNCTIONS: &[Function] = &[
@@ -99,5 +100,5 @@ fn index(state: &State<'_>, arguments: Arguments<'_>, unique: bool) -> Result<Va
 
 /// A count.
 pub(super) fn number(count: u64) -> Value {
-    Value::Integer(i64::try_from(count).unwrap_or(i64::MAX))
+    Value::Integer(to_i64(count))
 }

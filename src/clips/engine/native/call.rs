@@ -8,6 +8,7 @@ use clips_sys as sys;
 use super::environment::Environment;
 use super::text::{c_text, size, text};
 use super::value::Value;
+use crate::saturate::to_i64;
 
 /// Why a function has no value. The evaluation that called it ends.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,10 +76,10 @@ pub(super) unsafe extern "C" fn length(
         if sys::UDFNthArgument(context, 1, TAKEN, &raw mut value) {
             let header = value.__bindgen_anon_1.header;
             length = match u32::from((*header).type_) {
-                sys::MULTIFIELD_TYPE => i64::try_from(value.range).unwrap_or(i64::MAX),
+                sys::MULTIFIELD_TYPE => to_i64(value.range),
                 _ => {
                     let text = text((*header.cast::<sys::CLIPSLexeme>()).contents);
-                    i64::try_from(text.chars().count()).unwrap_or(i64::MAX)
+                    to_i64(text.chars().count())
                 }
             };
         }

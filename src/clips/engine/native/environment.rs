@@ -8,6 +8,7 @@ use clips_sys as sys;
 use super::handle::Alive;
 use super::host::Shared;
 use super::text::{c_text, size};
+use crate::saturate::to_i64;
 
 /// An environment; used from one thread. Others get it from a [`Running`], as a reference.
 #[derive(Debug)]
@@ -70,7 +71,7 @@ impl Environment {
 
     /// Fires at most so many rules, all that can fire where there is no limit; returns how many fired.
     pub(crate) fn run(&self, limit: Option<u64>) -> u64 {
-        let limit = limit.map_or(-1, |limit| i64::try_from(limit).unwrap_or(i64::MAX));
+        let limit = limit.map_or(-1, to_i64);
         // SAFETY: the environment is alive.
         u64::try_from(unsafe { sys::Run(self.raw, limit) }).unwrap_or_default()
     }
