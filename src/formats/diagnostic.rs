@@ -36,8 +36,19 @@ struct Inner {
     excerpt: Option<Excerpt>,
     message: String,
     hints: Vec<String>,
-    is_unsupported: bool,
-    is_missing: bool,
+    kind: Kind,
+}
+
+/// What a complaint is about, where callers tell it from others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Mistake,
+    /// The text is right, but uses what rmem cannot handle.
+    Unsupported,
+    /// The text names something that is not there.
+    Missing,
+    /// The text, or something in it, has no end.
+    Unterminated,
 }
 
 /// The part of the source line that is shown, and where the caret goes in it.
@@ -63,8 +74,7 @@ impl Diagnostic {
                 excerpt: Some(Excerpt::of(source.text(), span)),
                 message: message.into(),
                 hints: Vec::new(),
-                is_unsupported: false,
-                is_missing: false,
+                kind: Kind::Mistake,
             }),
         }
     }
@@ -81,8 +91,7 @@ impl Diagnostic {
                 excerpt: None,
                 message: message.into(),
                 hints: Vec::new(),
-                is_unsupported: false,
-                is_missing: false,
+                kind: Kind::Mistake,
             }),
         }
     }
@@ -104,27 +113,47 @@ impl Diagnostic {
     /// Says that the text is right, but uses what rmem cannot handle.
     #[must_use]
     pub fn unsupported(mut self) -> Self {
-        self.inner.is_unsupported = true;
+        self.inner.kind = Kind::Unsupported;
         self
     }
 
     /// Whether the text uses what rmem cannot handle.
     #[must_use]
     pub fn is_unsupported(&self) -> bool {
-        self.inner.is_unsupported
+        self.inner.kind == Kind::Unsupported
     }
 
     /// Says that the text names something that is not there.
     #[must_use]
     pub fn missing(mut self) -> Self {
-        self.inner.is_missing = true;
+        self.inner.kind = Kind::Missing;
         self
     }
 
     /// Whether the text names something that is not there.
     #[must_use]
     pub fn is_missing(&self) -> bool {
-        self.inner.is_missing
+        self.inner.kind == Kind::Missing
+    }
+
+    /// Says that the text, or something in it, has no end.
+    #[must_use]
+    pub fn unterminated(mut self) -> Self {
+        self.inner.kind = Kind::Unterminated;
+        self
+    }
+
+    /// Whether the text, or something in it, has no end.
+    #[must_use]
+    pub fn is_unterminated(&self) -> bool {
+        self.inner.kind == Kind::Unterminated
+    }
+
+    /// Says the same of the text as another complaint.
+    #[must_use]
+    pub fn of_kind(mut self, other: &Self) -> Self {
+        self.inner.kind = other.inner.kind;
+        self
     }
 
     /// What to do, line by line.
@@ -185,7 +214,7 @@ impl Diagnostic {
             InputLocation::Span((start, end)) => Span::new(base + start, base + end),
         };
         let message = match &error.variant {
-            ErrorVariant::CustomError { message } => message.clone(),
+            ErrorVariant::CustomError { message } => return Self::new(source, span, message.clone()),
             ErrorVariant::ParsingError { positives, negatives: _ } => {
                 let mut wanted: Vec<String> = positives.iter().map(rename).collect();
                 wanted.sort();
@@ -193,7 +222,8 @@ impl Diagnostic {
                 format!("expected {}, found {}", either(&wanted), found(source.text(), span.start))
             }
         };
-        Self::new(source, span, message)
+        let diagnostic = Self::new(source, span, message);
+        if span.start < source.text().len() { diagnostic } else { diagnostic.unterminated() }
     }
 }
 

@@ -250,8 +250,7 @@ impl Generated {
         let short = excerpt(&names::readable(line));
         let number = self.source().position(offset).0;
         let diagnostic = self.template.complain(span, names::readable(complaint.message()));
-        let diagnostic = if complaint.is_unsupported() { diagnostic.unsupported() } else { diagnostic };
-        let diagnostic = if complaint.is_missing() { diagnostic.missing() } else { diagnostic };
+        let diagnostic = diagnostic.of_kind(complaint);
         let diagnostic = complaint
             .hints()
             .iter()

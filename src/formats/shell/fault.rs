@@ -48,7 +48,9 @@ pub(super) fn end_of_value(source: &Source, span: Span) -> Result<usize, Diagnos
 pub(super) fn unexpected(source: &Source, rest: Span, expected: &str) -> Diagnostic {
     let text = source.slice(rest);
     if text.starts_with("/*") {
-        return Diagnostic::new(source, Span::at(rest.start), "the comment has no end").hint("it ends with `*/`");
+        return Diagnostic::new(source, Span::at(rest.start), "the comment has no end")
+            .unterminated()
+            .hint("it ends with `*/`");
     }
     let token = token(text);
     let span = Span::new(rest.start, rest.start + token.len());
@@ -57,7 +59,8 @@ pub(super) fn unexpected(source: &Source, rest: Span, expected: &str) -> Diagnos
         length if length > TOKEN_WINDOW => format!("`{}…`", token.chars().take(TOKEN_WINDOW).collect::<String>()),
         _ => format!("`{token}`"),
     };
-    Diagnostic::new(source, span, format!("expected {expected}, found {found}"))
+    let diagnostic = Diagnostic::new(source, span, format!("expected {expected}, found {found}"));
+    if token.is_empty() { diagnostic.unterminated() } else { diagnostic }
 }
 
 /// A word or a number at the start of `text`, or its first character.
@@ -200,6 +203,7 @@ impl<'a> Checker<'a> {
             None => {
                 let span = Span::new(self.at, self.at + 1);
                 return Err(Diagnostic::new(self.source, span, "the string has no end")
+                    .unterminated()
                     .hint("it ends with the same quote, on the same line"));
             }
         }
@@ -212,10 +216,11 @@ impl<'a> Checker<'a> {
             self.at += pairs.as_str().len();
             return Ok(());
         }
-        let message = "the regular expression has no end, or something follows its options";
-        let closed = scanner::regex_end(self.rest()).is_some();
-        let message = if closed { message } else { "the regular expression has no end" };
-        Err(Diagnostic::new(self.source, Span::new(self.at, self.at + 1), message))
+        let wrong = |message| Diagnostic::new(self.source, Span::new(self.at, self.at + 1), message);
+        Err(match scanner::regex_end(self.rest()) {
+            Some(_) => wrong("the regular expression has no end, or something follows its options"),
+            None => wrong("the regular expression has no end").unterminated(),
+        })
     }
 
     /// A constant, or a constructor with its bracket.

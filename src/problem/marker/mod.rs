@@ -319,7 +319,7 @@ impl<'a> Expander<'a> {
 
 /// A query that is not finished may be one that holds what ends it.
 fn cut_short(error: Diagnostic) -> Diagnostic {
-    if error.message().ends_with("has no end") || error.message().ends_with("found the end of the text") {
+    if error.is_unterminated() {
         return error.hint("a query ends at the first `>>`; write `\\u003e` for `>` in its strings");
     }
     error
