@@ -15,6 +15,7 @@ use super::origin::Origin;
 use super::request::too_long;
 use super::server::Server;
 use super::statements::Repeatable;
+use super::writer::write_alone;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
@@ -93,7 +94,8 @@ impl<'m> Host<'m> {
         !self.cursors.is_empty()
     }
 
-    /// Has something written: by the writer, with what others write. It is not begun any more after the deadline.
+    /// Has something written: by the writer, with what others write, or at once where no others do. It is not begun any
+    /// more after the deadline.
     pub(super) fn write(
         &mut self,
         ns: Namespace,
@@ -106,6 +108,13 @@ impl<'m> Host<'m> {
             let _deadline = Deadline::set(deadline);
             return work(memory);
         }
+        // A snapshot that a cursor reads cannot be written to.
+        if deadline.is_none()
+            && !self.has_cursors()
+            && let Some(_turn) = self.server.writer.own_turn(self.id)
+        {
+            return write_alone(&self.server, memory, &ns, once, work);
+        }
         let claim = Claim::default();
         let begun = claim.clone();
         let work: Work = Box::new(move |memory| {
@@ -116,7 +125,7 @@ impl<'m> Host<'m> {
             work(memory)
         });
         let (question, reply) = self.question();
-        self.server.writer.submit(Job::Write { ns, once, work, reply })?;
+        self.server.writer.submit_of(self.id, Job::Write { ns, once, work, reply })?;
         self.wait_until(question, deadline.map(|deadline| (deadline, claim)))
     }
 

@@ -2,7 +2,8 @@
 //!
 //! While a write waits for the disk, others queue; the next write takes them all, each as a step that
 //! fails alone, and is made durable by one sync. So the more clients write, the less each waits. A
-//! transaction of several commands has the thread for itself until it ends.
+//! transaction of several commands has the thread for itself until it ends. Where one client alone writes, it does so in
+//! its own thread ([`write_alone`]), and this one waits for its turn.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -74,6 +75,8 @@ impl WriterContext<'_> {
     }
 
     fn perform(&mut self, job: Job) {
+        let server = self.server;
+        let _turn = server.writer.turn();
         if let Err(moved) = self.server.check_files() {
             self.fold();
             return job.refuse(&moved.into());
@@ -95,7 +98,8 @@ impl WriterContext<'_> {
             let is_shared = memory.is_shared(&ns);
             let work = &mut || {
                 while let Some(Write { ns, once, work, reply }) = next.take() {
-                    answers.push((reply, self.step(memory, &ns, once, work)));
+                    let answer = attempt(memory, &ns, |memory| write(self.server, memory, &ns, once, work));
+                    answers.push((reply, answer));
                     if answers.len() < MOST && since.elapsed() < MAX_GROUP_DELAY {
                         next = self.companion(memory, is_shared);
                     }
@@ -129,26 +133,6 @@ impl WriterContext<'_> {
         }
     }
 
-    /// One write of several: where it fails, it has done nothing.
-    fn step(&mut self, memory: &Memory, ns: &Namespace, once: Option<Repeatable>, work: Work) -> Answer {
-        if let Some(write) = &once
-            && let Some(answer) = retry::recall(memory, ns, write, self.server.sessions.last(&write.once.session))?
-        {
-            return Ok(answer);
-        }
-        let answer = attempt(memory, ns, |memory| {
-            let answer = panic::caught(|| work(memory))?;
-            let mut writes = once.iter();
-            writes.try_for_each(|write| retry::keep(memory, ns, &write.once, &write.statements.numbers, &answer))?;
-            Ok(answer)
-        })?;
-        self.server.clock.wrote();
-        if let Some(Repeatable { once: Once { session, number }, .. }) = once {
-            self.server.sessions.finish(&session, Finished::write(number));
-        }
-        Ok(answer)
-    }
-
     /// Lets go of what is too old.
     fn look_after(&mut self) {
         self.server.sessions.forget(SESSION_TIMEOUT);
@@ -164,6 +148,44 @@ impl WriterContext<'_> {
         }
         self.server.expire_streams();
     }
+}
+
+/// Does a write by itself, in the thread of its client.
+pub(super) fn write_alone(
+    server: &Server,
+    memory: &Memory,
+    ns: &Namespace,
+    once: Option<Repeatable>,
+    work: impl FnOnce(&Memory) -> Answer,
+) -> Answer {
+    server.check_files()?;
+    let answer = attempt(memory, ns, |memory| write(server, memory, ns, once, work));
+    server.check_files()?;
+    server.hub.call();
+    answer
+}
+
+/// A step of a transaction; where it fails, it has done nothing.
+fn write(
+    server: &Server,
+    memory: &Memory,
+    ns: &Namespace,
+    once: Option<Repeatable>,
+    work: impl FnOnce(&Memory) -> Answer,
+) -> Answer {
+    if let Some(write) = &once
+        && let Some(answer) = retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?
+    {
+        return Ok(answer);
+    }
+    let answer = panic::caught(|| work(memory))?;
+    let mut writes = once.iter();
+    writes.try_for_each(|write| retry::keep(memory, ns, &write.once, &write.statements.numbers, &answer))?;
+    server.clock.wrote();
+    if let Some(Repeatable { once: Once { session, number }, .. }) = once {
+        server.sessions.finish(&session, Finished::write(number));
+    }
+    Ok(answer)
 }
 
 struct Write {
