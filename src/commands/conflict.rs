@@ -12,7 +12,7 @@ use crate::store::{Find, Modifiers, StoreError};
 pub(super) fn holder(error: &StoreError, memory: &Memory) -> Option<Bson> {
     let (namespace, key) = match error {
         StoreError::Duplicate { namespace, key, .. } => (namespace, key),
-        StoreError::Stopped { source, .. } => return holder(source, memory),
+        StoreError::Stopped { source, .. } | StoreError::Partial { source, .. } => return holder(source, memory),
         _ => return None,
     };
     let name = key.index().filter(|_| !key.values().is_empty())?;

@@ -231,6 +231,10 @@ pub(super) fn owned(document: bson::RawDocumentBuf) -> Result<bson::Document, St
 /// A complaint of a store about a query, shown at the operator or field it is about
 /// in the first of the texts that has it; the kind of any other error stays.
 pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error {
+    let doing = error.to_string();
+    if let StoreError::Partial { source, .. } = error {
+        return blame(*source, texts).context(doing);
+    }
     let StoreError::Query(query) = &error else { return error.into() };
     // Not what was asked is at fault, but the disk.
     if error.fault() != Fault::Input {

@@ -161,7 +161,7 @@ impl From<StoreError> for Failure {
         let message = error.to_string();
         match error {
             StoreError::Query(error) => error.into(),
-            StoreError::Stopped { source, .. } => Self::from(*source),
+            StoreError::Stopped { source, .. } | StoreError::Partial { source, .. } => Self::from(*source),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
             StoreError::Unreachable { may_be_done: true, .. } => Self::new(codes::UNREACHABLE, message),
             StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),

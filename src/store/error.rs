@@ -43,6 +43,14 @@ pub enum StoreError {
         /// What went wrong.
         source: Box<StoreError>,
     },
+    /// A change of several documents failed at one of them.
+    #[error("only {}", match done { 1 => "1 document was changed, and stays so".to_owned(), done => format!("{done} documents were changed, and stay so") })]
+    Partial {
+        /// How many documents were changed.
+        done: u64,
+        /// What went wrong.
+        source: Box<StoreError>,
+    },
     /// Another process, or another purpose, holds what was asked for.
     #[error("{what}")]
     Held {
@@ -106,7 +114,7 @@ impl AtFault for StoreError {
             Self::Unfit { .. } => Fault::Usage,
             Self::Interrupted { .. } => Fault::Interrupt,
             Self::Query(error) => error.fault(),
-            Self::Stopped { source, .. } => source.fault(),
+            Self::Stopped { source, .. } | Self::Partial { source, .. } => source.fault(),
             Self::Computable { fault, .. } => *fault,
             Self::Unreachable { .. } | Self::DiskFull { .. } | Self::Unconfirmed { .. } | Self::Failed { .. } => {
                 Fault::Store
@@ -124,6 +132,20 @@ impl StoreError {
     /// Returns the error for a computable that failed.
     pub(crate) fn computable(name: &str, error: impl AtFault) -> Self {
         Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }
+    }
+
+    /// The error of a change of several documents that ended early, after `done` of them.
+    pub(crate) fn after(self, done: u64) -> Self {
+        match self {
+            Self::Interrupted { .. } => Self::Interrupted { done },
+            source if done > 0 && source.is_of_document() => Self::Partial { done, source: Box::new(source) },
+            other => other,
+        }
+    }
+
+    /// Whether it is about one document, and not about the store.
+    pub(crate) fn is_of_document(&self) -> bool {
+        matches!(self, Self::Duplicate { .. } | Self::Query(_))
     }
 
     /// The `_id`s that an insert stored before it failed.

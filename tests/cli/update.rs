@@ -68,6 +68,28 @@ fn update_and_delete_change_one_document_and_say_how_many_more_match() {
 }
 
 #[test]
+fn an_update_that_fails_at_a_document_keeps_those_before_and_says_how_many() {
+    let lab = three_documents();
+    lab.rmem(&["update", "robmem.worldmodel", "{_id: 3}", "{$set: {n: 'many'}}"]).success();
+    assert_run!(lab.rmem(&["update", "robmem.worldmodel", "{}", "{$inc: {n: 1}}", "--many"]), @r#"
+    ------- stderr -------
+    error: only 2 documents were changed, and stay so
+      caused by: <update>:1:2: cannot apply $inc to a value of non-numeric type: "many", in the field `n`
+      |
+    1 | {$inc: {n: 1}}
+      |  ^^^^
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem(&["query", "robmem.worldmodel", "--fields", "{n: 1}"]), @r#"
+    {"_id":1,"n":4}
+    {"_id":2,"n":5}
+    {"_id":3,"n":"many"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
 fn a_whole_document_replaces_another_only_with_replace() {
     let lab = three_documents();
     let update = ["update", "robmem.worldmodel", "{_id: 1}", "{object: 'Z'}"];

@@ -42,6 +42,7 @@ const CASES: &[(&str, Case)] = cases![
     unknown_stages_are_refused,
     results_may_go_into_another_collection,
     many_documents_come_in_pages,
+    an_update_that_fails_at_a_document_keeps_those_before,
     an_update_changes_the_first_match,
     an_update_of_many_changes_all,
     an_update_that_changes_nothing_is_no_modification,
@@ -459,6 +460,13 @@ fn many_documents_come_in_pages(store: &dyn Store, ns: &Namespace) {
     assert_eq!(ids(store, ns, doc! {}), (0..3_000).collect::<Vec<_>>());
     assert_eq!(ids(store, ns, doc! { "third": true }), (0..3_000).step_by(3).collect::<Vec<_>>());
     assert_eq!(store.find(ns, &Find::default()).unwrap().take(2).count(), 2);
+}
+
+fn an_update_that_fails_at_a_document_keeps_those_before(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "n": 1 }, doc! { "_id": 2, "n": "x" }, doc! { "_id": 3, "n": 3 }]);
+    let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$inc": { "n": 1 } }) };
+    assert!(store.update(ns, &request, None).is_err());
+    assert_eq!(all(store, ns), [doc! { "_id": 1, "n": 2 }, doc! { "_id": 2, "n": "x" }, doc! { "_id": 3, "n": 3 }]);
 }
 
 fn an_update_changes_the_first_match(store: &dyn Store, ns: &Namespace) {

@@ -21,8 +21,7 @@ use crate::store::{
 const IMMUTABLE_FIELD: i32 = 66;
 
 impl Embedded {
-    /// Applies an update, in slices; where one document cannot be changed, those of its slice are not.
-    /// (MongoDB keeps what was changed before.)
+    /// Applies an update, in slices; where one document cannot be changed, those before it stay changed.
     pub(super) fn change(
         &self,
         ns: &Namespace,
@@ -34,29 +33,22 @@ impl Embedded {
         self.bind_search(ns, &change.filter)?;
         // The scan may simplify its own filter.
         let mut filter = Arc::new(Filter::parse_with_constants(&request.filter, &constants)?);
-        let (mut modified, mut upserted) = (0, None);
+        let mut upserted = None;
         let most = if request.many { u64::MAX } else { 1 };
-        let matched = self.each_match(
+        let met = self.each_match(
             ns,
             &mut filter,
             // What rmem keeps for itself may be asked for after its time.
             Selection { most, hint: request.modifiers.hint.as_ref(), is_sweeping: !ns.is_own() },
-            &mut |collection, found| {
-                modified += u64::from(self.change_one(ns, collection, found, &change)?);
-                Ok(())
-            },
+            &mut |collection, found| self.change_one(ns, collection, found, &change),
             &mut || {
                 if request.upsert {
                     upserted = Some(self.upsert(ns, request, &change)?);
                 }
                 Ok(())
             },
-        );
-        let matched = matched.map_err(|error| match error {
-            StoreError::Interrupted { .. } => StoreError::Interrupted { done: modified },
-            error => error,
-        })?;
-        Ok(Updated { matched, modified, upserted })
+        )?;
+        Ok(Updated { matched: met.matched, modified: met.changed, upserted })
     }
 
     fn change_one(
@@ -217,9 +209,9 @@ impl Embedded {
     pub(super) fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
         let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let most = if first_only { 1 } else { u64::MAX };
-        let erase = &mut |collection, found: &Found| self.erase(ns, collection, found);
+        let erase = &mut |collection, found: &Found| self.erase(ns, collection, found).map(|()| true);
         let selection = Selection { most, hint: query.modifiers.hint.as_ref(), is_sweeping: false };
-        self.each_match(ns, &mut filter, selection, erase, &mut || Ok(()))
+        Ok(self.each_match(ns, &mut filter, selection, erase, &mut || Ok(()))?.matched)
     }
 }
 

@@ -1,17 +1,19 @@
 //! `$out` and `$merge`: the results of a pipeline into a collection.
 //!
-//! Where one fails, nothing is changed: `$merge` is one transaction (MongoDB keeps what it did before), and `$out`
-//! takes the place of the collection at the end ([`super::staged`]).
+//! `$merge` changes one document after the other, as on MongoDB, which sends them to itself in unordered batches: where it fails
+//! at one, the others of its batch are changed all the same, and none behind them; a result without a value to merge on is found
+//! before any is changed. `$out` takes the place of the collection at the end ([`super::staged`]); where it fails, nothing is changed.
 
 use std::sync::Arc;
 
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawBsonRef, RawDocument, RawDocumentBuf, doc};
 
 use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::pipeline::named;
 use super::scan::Found;
+use super::slices::{Slice, failed};
 use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
 use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
 
@@ -19,6 +21,9 @@ use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
 const NO_UNIQUE_INDEX: i32 = 51_183;
 /// MongoDB's code where `$merge` finds no document and is to fail then.
 const NO_MATCH: i32 = 13_113;
+
+/// How many documents MongoDB sends to itself at once.
+const BATCH: u64 = 100_000;
 
 /// The code of a document without a value to merge on.
 const MISSING_ON: i32 = 51_132;
@@ -56,18 +61,37 @@ impl Embedded {
         Ok(())
     }
 
+    /// Merges results into a collection, in slices that let other processes write in between.
     fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
-        self.write(|| {
+        let (mut is_swept, mut tried, mut changed, mut first) = (false, 0_u64, 0, None);
+        let failure = self.in_slices(&mut |limit| {
             let collection = self.ensure(ns)?;
-            self.sweep(ns, collection)?;
+            if !std::mem::replace(&mut is_swept, true) {
+                self.sweep(ns, collection)?;
+            }
             let indexes = self.indexes_of(collection)?;
             let target = Target { ns, collection, index: unique_on(&indexes, merge)? };
-            for result in results {
+            for result in &mut *results {
+                if first.is_some() && tried.is_multiple_of(BATCH) {
+                    break;
+                }
+                tried += 1;
                 let result = Document::try_from(&*result?).map_err(QueryError::from)?;
-                self.merge_one(&target, merge, result, now)?;
+                match self.merge_one(&target, merge, result, now) {
+                    Ok(is_changed) => changed += u64::from(is_changed),
+                    Err(error) if error.is_of_document() => drop(first.get_or_insert(error)),
+                    Err(error) => return Err(error),
+                }
+                if limit.is_over() {
+                    return Ok(Slice::More);
+                }
             }
-            Ok(())
-        })
+            match first.take() {
+                None => Ok(Slice::Last),
+                Some(error) => failed(error, changed),
+            }
+        })?;
+        failure.map_or(Ok(()), |failure| Err(failure.after(changed)))
     }
 
     /// The document that a result belongs to.
@@ -78,7 +102,14 @@ impl Embedded {
         }
     }
 
-    fn merge_one(&self, target: &Target<'_>, merge: &Merge, result: Document, now: DateTime) -> Result<(), StoreError> {
+    /// Merges a result; says whether that changed something.
+    fn merge_one(
+        &self,
+        target: &Target<'_>,
+        merge: &Merge,
+        result: Document,
+        now: DateTime,
+    ) -> Result<bool, StoreError> {
         let &Target { ns, collection, .. } = target;
         let values = on_values(merge, &result)?;
         let has_id = result.contains_key("_id");
@@ -91,8 +122,10 @@ impl Embedded {
         };
         let Some(found) = self.found_for(target, &result)? else {
             return match merge.when_not_matched {
-                WhenNotMatched::Insert => self.add(ns, collection, &id, &made(merge, &id, &result, body)?),
-                WhenNotMatched::Discard => Ok(()),
+                WhenNotMatched::Insert => {
+                    self.add(ns, collection, &id, &made(merge, &id, &result, body)?).map(|()| true)
+                }
+                WhenNotMatched::Discard => Ok(false),
                 WhenNotMatched::Fail => {
                     let values = TakenKey::on(values);
                     Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with {values} in {ns}")).into())
@@ -104,7 +137,7 @@ impl Embedded {
             result.remove("_id");
         }
         let update = match &merge.when_matched {
-            WhenMatched::KeepExisting => return Ok(()),
+            WhenMatched::KeepExisting => return Ok(false),
             WhenMatched::Fail => {
                 return Err(StoreError::Duplicate {
                     namespace: ns.clone(),
@@ -117,7 +150,7 @@ impl Embedded {
             WhenMatched::Pipeline(stages) => Update::parse_pipeline_with(stages, &merge.constants(&result, now)?)?,
         };
         let filter = Arc::new(Filter::parse(&bson::doc! { "_id": { "$eq": id_of(&found.body)? } })?);
-        let Some(changed) = update.apply(&found.body, &filter, now)? else { return Ok(()) };
+        let Some(changed) = update.apply(&found.body, &filter, now)? else { return Ok(false) };
         let mut changed = Document::try_from(&*changed).map_err(QueryError::from)?;
         document::fill_timestamps(&mut changed);
         let changed = RawDocumentBuf::try_from(&changed).map_err(QueryError::from)?;
@@ -127,7 +160,7 @@ impl Embedded {
             return Err(QueryError::invalid(IMMUTABLE_FIELD, message).into());
         }
         let kind = if update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update };
-        self.rewrite(ns, collection, &found, &changed, kind)
+        self.rewrite(ns, collection, &found, &changed, kind).map(|()| true)
     }
 }
 
@@ -160,6 +193,16 @@ fn unique_on<'a>(indexes: &'a [Indexed], merge: &Merge) -> Result<Option<&'a Ind
         );
         QueryError::invalid(NO_UNIQUE_INDEX, message)
     })
+}
+
+/// Checks that a result has the values that it is to be merged on.
+pub(super) fn check_merged(merge: &Merge, result: &RawDocument) -> Result<(), QueryError> {
+    if merge.on == ["_id"]
+        && !matches!(result.get("_id")?, Some(RawBsonRef::Array(_) | RawBsonRef::Null | RawBsonRef::Undefined))
+    {
+        return Ok(());
+    }
+    on_values(merge, &Document::try_from(result)?).map(drop)
 }
 
 /// The values that a result is merged on, for messages; nothing where that is an `_id` that it does not have yet.
@@ -207,4 +250,64 @@ fn made(merge: &Merge, id: &Bson, result: &Document, body: RawDocumentBuf) -> Re
     let mut made = bson::doc! { "_id": id };
     made.extend(fields.into_iter().map(|(name, value)| (name.clone(), value.clone())));
     Ok(RawDocumentBuf::try_from(&made)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Aggregation, Find, Modifiers, Store};
+
+    fn merge(store: &Embedded, options: Document) -> Result<(), StoreError> {
+        let mut merge = doc! { "into": "to" };
+        merge.extend(options);
+        let stages = [doc! { "$merge": merge }];
+        store.aggregate(&from(), Aggregation { stages: &stages, modifiers: Modifiers::none() }).map(drop)
+    }
+
+    fn from() -> Namespace {
+        Namespace::parse("a.from").unwrap()
+    }
+
+    fn to() -> Namespace {
+        Namespace::parse("a.to").unwrap()
+    }
+
+    #[test]
+    fn others_write_while_results_are_merged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let (store, other) = (Embedded::open(&path).unwrap(), Namespace::parse("a.other").unwrap());
+        store.insert(&from(), (0..40_000).map(|n| doc! { "_id": n, "n": n }).collect()).unwrap();
+        std::thread::scope(|scope| {
+            let merging = scope.spawn(|| merge(&Embedded::open(&path).unwrap(), doc! {}));
+            let (mut seen, count) = (0, |ns: &Namespace| store.count(ns, (&doc! {}).into()).unwrap());
+            while !merging.is_finished() {
+                store.insert(&other, vec![doc! {}]).unwrap();
+                seen += u64::from((1..40_000).contains(&count(&to())));
+            }
+            merging.join().unwrap().unwrap();
+            assert!(seen > 0, "an insert was done before the end");
+            assert_eq!(count(&to()), 40_000);
+        });
+    }
+
+    #[test]
+    fn results_that_cannot_be_merged_leave_the_others_merged() {
+        let store = Embedded::in_memory().unwrap();
+        store.insert(&from(), (1..=4).map(|n| doc! { "_id": n, "n": n }).collect()).unwrap();
+        store.insert(&to(), vec![doc! { "_id": 2 }]).unwrap();
+        let error = merge(&store, doc! { "whenMatched": "fail" }).unwrap_err();
+        assert!(
+            matches!(&error, StoreError::Partial { done: 3, source } if matches!(**source, StoreError::Duplicate { .. })),
+            "{error:?}"
+        );
+        let ids: Vec<_> =
+            store.find(&to(), &Find::default()).unwrap().map(|found| id_of(&found.unwrap()).unwrap()).collect();
+        assert_eq!(ids, [2, 1, 3, 4].map(Bson::from));
+        // Where none can be, nothing is left behind.
+        Store::drop(&store, &to()).unwrap();
+        let error = merge(&store, doc! { "whenNotMatched": "fail" }).unwrap_err();
+        assert!(matches!(error, StoreError::Query(_)), "{error:?}");
+        assert_eq!(store.collections().unwrap(), [from()]);
+    }
 }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use bson::{DateTime, Document};
 
 use super::Embedded;
+use super::output::check_merged;
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
-use crate::query::{Description, Filter, Origin, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
+use crate::query::{Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
@@ -48,7 +49,11 @@ impl Embedded {
         let found = pipeline.run(input, now, &sources);
         let mut results = Spool::new(&Spill::default());
         for result in if is_scored { unscored(found) } else { found } {
-            results.push(&result?)?;
+            let result = result?;
+            if let Some(Output::Merge(merge)) = pipeline.output() {
+                check_merged(merge, &result)?;
+            }
+            results.push(&result)?;
         }
         let results = results.read()?.map(|result| Ok(result?));
         match pipeline.output() {

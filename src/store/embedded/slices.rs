@@ -1,8 +1,9 @@
-//! Updates and deletions of many documents, in slices that let other processes write in between.
+//! Changes of many documents, in slices that let other processes write in between.
 //!
 //! One transaction over a million documents would make all other writers wait for seconds. As on
-//! MongoDB, such an operation is atomic for each document, not as a whole: where it fails, the slices
-//! before stay. A slice begins with the documents as they are then, matched again.
+//! MongoDB, such an operation is atomic for each document, not as a whole: where it fails at one, those
+//! before it stay changed. A slice begins with the documents as they are then, matched again. Within a
+//! transaction there is one slice, which is a part of it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,7 +20,7 @@ const SLICE: Duration = Duration::from_millis(100);
 /// The same, where the disk is nearly full: it has room for a short log.
 const SHORT_SLICE: Duration = Duration::from_millis(10);
 /// The pause between two slices, in which every waiting writer tries once.
-pub(super) const PAUSE: Duration = Duration::from_millis(15);
+const PAUSE: Duration = Duration::from_millis(15);
 
 /// Which matches are meant, and how they are found.
 #[derive(Debug, Clone, Copy)]
@@ -32,13 +33,55 @@ pub(super) struct Selection<'a> {
     pub(super) is_sweeping: bool,
 }
 
-/// What is done with a match.
-type Work<'a> = &'a mut dyn FnMut(Collection, &Found) -> Result<(), StoreError>;
+/// How many documents were met.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Met {
+    /// How many matched.
+    pub(super) matched: u64,
+    /// How many of those were changed.
+    pub(super) changed: u64,
+}
+
+/// What came of a slice.
+pub(super) enum Slice {
+    /// There is more to be done.
+    More,
+    /// All is done.
+    Last,
+    /// A document could not be changed; those before it were.
+    Failed(StoreError),
+}
+
+/// How long a slice still has.
+pub(super) struct SliceLimit {
+    start: Instant,
+    limit: Duration,
+    /// Whether it is a transaction by itself, and not a part of another.
+    is_alone: bool,
+}
+
+impl SliceLimit {
+    /// Whether others are to have their turn. A part of a transaction takes as long as it needs.
+    pub(super) fn is_over(&self) -> bool {
+        self.is_alone && self.start.elapsed() >= self.limit
+    }
+}
+
+/// Ends a slice at a document that cannot be changed, after `done` others, which stay changed; but not where the store itself
+/// has failed.
+pub(super) fn failed(error: StoreError, done: u64) -> Result<Slice, StoreError> {
+    if done > 0 && error.is_of_document() { Ok(Slice::Failed(error)) } else { Err(error) }
+}
+
+/// What is done with a match; says whether it was changed.
+type Work<'a> = &'a mut dyn FnMut(Collection, &Found) -> Result<bool, StoreError>;
 
 impl Embedded {
-    /// Does `work` with each match that is selected, or `otherwise` where there is none;
-    /// returns how many matched. Where the user interrupts it between two slices, it ends with [`StoreError::Interrupted`].
-    /// Within a transaction, everything is part of it.
+    /// Does `work` with each match that is selected, or `otherwise` where there is none.
+    ///
+    /// # Errors
+    /// Where a document cannot be changed and others were before it, [`StoreError::Partial`]; where the user interrupts it
+    /// between two slices, [`StoreError::Interrupted`].
     pub(super) fn each_match(
         &self,
         ns: &Namespace,
@@ -46,62 +89,77 @@ impl Embedded {
         selection: Selection<'_>,
         work: Work<'_>,
         otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
-    ) -> Result<u64, StoreError> {
+    ) -> Result<Met, StoreError> {
         let Selection { most, hint, is_sweeping } = selection;
-        let is_sliced = self.connection.is_autocommit();
-        let (mut open, mut matched) = (None, 0);
+        let (mut open, mut met) = (None, Met::default());
+        let failure = self.in_slices(&mut |limit| {
+            let Some(collection) = self.collection(ns)? else { return end(met, otherwise) };
+            if open.is_none() && is_sweeping {
+                self.sweep(ns, collection)?;
+            }
+            let (id, scan) = match &mut open {
+                Some((id, scan)) => {
+                    Scan::unread(scan);
+                    (*id, scan)
+                }
+                None => {
+                    let most = usize::try_from(most).unwrap_or(usize::MAX);
+                    let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most);
+                    let (id, scan) = open.insert((collection.id, scan));
+                    (*id, scan)
+                }
+            };
+            while met.matched < most && id == collection.id {
+                let Some(found) = scan.next() else { break };
+                match work(collection, &found?) {
+                    Ok(is_changed) => met.changed += u64::from(is_changed),
+                    Err(error) => return failed(error, met.changed),
+                }
+                met.matched += 1;
+                if limit.is_over() {
+                    return Ok(Slice::More);
+                }
+            }
+            end(met, otherwise)
+        })?;
+        match failure {
+            None => Ok(met),
+            Some(failure) => Err(failure.after(met.changed)),
+        }
+    }
+
+    /// Does something in slices; returns why it ended early, where it did.
+    ///
+    /// # Errors
+    /// Where a slice fails as a whole: those before it stay.
+    pub(super) fn in_slices(
+        &self,
+        work: &mut dyn FnMut(&SliceLimit) -> Result<Slice, StoreError>,
+    ) -> Result<Option<StoreError>, StoreError> {
+        let is_alone = self.connection.is_autocommit();
         loop {
-            let is_done = self.write(|| {
-                let start = Instant::now();
-                let slice = self.slice();
-                let Some(collection) = self.collection(ns)? else { return self.end(matched, otherwise) };
-                if open.is_none() && is_sweeping {
-                    self.sweep(ns, collection)?;
-                }
-                let (id, scan) = match &mut open {
-                    Some((id, scan)) => {
-                        Scan::unread(scan);
-                        (*id, scan)
-                    }
-                    None => {
-                        let most = usize::try_from(most).unwrap_or(usize::MAX);
-                        let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most);
-                        let (id, scan) = open.insert((collection.id, scan));
-                        (*id, scan)
-                    }
-                };
-                while matched < most && id == collection.id {
-                    let Some(found) = scan.next() else { break };
-                    matched += 1;
-                    work(collection, &found?)?;
-                    if is_sliced && start.elapsed() >= slice {
-                        return Ok(false);
-                    }
-                }
-                self.end(matched, otherwise)
-            })?;
-            if is_done {
-                return Ok(matched);
+            let slice = self.write(|| work(&SliceLimit { start: Instant::now(), limit: self.slice(), is_alone }))?;
+            match slice {
+                Slice::Last => return Ok(None),
+                Slice::Failed(error) => return Ok(Some(error)),
+                Slice::More if stops_work() => return Ok(Some(StoreError::Interrupted { done: 0 })),
+                Slice::More => std::thread::sleep(PAUSE),
             }
-            if stops_work() {
-                return Err(StoreError::Interrupted { done: matched });
-            }
-            std::thread::sleep(PAUSE);
         }
     }
 
     /// How long a slice may take.
-    pub(super) fn slice(&self) -> Duration {
+    fn slice(&self) -> Duration {
         if self.is_crowded() { SHORT_SLICE } else { SLICE }
     }
+}
 
-    /// The end of the last slice.
-    fn end(&self, matched: u64, otherwise: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {
-        if matched == 0 {
-            otherwise()?;
-        }
-        Ok(true)
+/// The end of the last slice.
+fn end(met: Met, otherwise: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<Slice, StoreError> {
+    if met.matched == 0 {
+        otherwise()?;
     }
+    Ok(Slice::Last)
 }
 
 #[cfg(test)]
@@ -165,7 +223,7 @@ mod tests {
                 if written.load(Ordering::Relaxed) < 3 {
                     std::thread::sleep(Duration::from_millis(1));
                 }
-                Ok(())
+                Ok(true)
             };
             let mut filter = Arc::new(Filter::parse(&doc! {}).unwrap());
             store

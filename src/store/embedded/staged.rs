@@ -1,15 +1,13 @@
 //! `$out`: a collection is filled beside the one that it replaces, in slices that let other processes write in between, and
 //! takes its place in one step, as on MongoDB.
 
-use std::time::Instant;
-
 use bson::{Document, RawDocument};
 
 use super::Embedded;
 use super::catalog::Collection;
 use super::output::Results;
 use super::place::Place;
-use super::slices::PAUSE;
+use super::slices::Slice;
 use crate::query::QueryError;
 use crate::store::staging::{OUT, is_litter, name};
 use crate::store::{Index, Namespace, StoreError, document, index};
@@ -56,21 +54,17 @@ impl Embedded {
         for index in indexes.iter().filter(|index| index.name != index::ID) {
             self.create(staged, index)?;
         }
-        let mut results = results.peekable();
-        while results.peek().is_some() {
-            self.write(|| {
-                let (start, slice, collection) = (Instant::now(), self.slice(), self.ensure(staged)?);
-                for result in &mut results {
-                    self.add_result(staged, collection, &result?)?;
-                    if start.elapsed() >= slice {
-                        break;
-                    }
+        let failure = self.in_slices(&mut |limit| {
+            let collection = self.ensure(staged)?;
+            for result in &mut *results {
+                self.add_result(staged, collection, &result?)?;
+                if limit.is_over() {
+                    return Ok(Slice::More);
                 }
-                Ok(())
-            })?;
-            std::thread::sleep(PAUSE);
-        }
-        Ok(indexes)
+            }
+            Ok(Slice::Last)
+        })?;
+        failure.map_or(Ok(indexes), Err)
     }
 
     /// Gives a staged collection the name that it is for.

@@ -99,7 +99,9 @@ impl MongoDb {
             let modifiers = request.modifiers.clone();
             let before = with_ids(self.find(ns, &Find { filter, modifiers, current: true, ..Find::default() })?)?;
             if !before.is_empty() {
-                add(&mut done, &self.update_chunk(ns, request, before, at)?);
+                let chunk = self.update_chunk(ns, request, before, at);
+                let chunk = chunk.map_err(|error| error.after(done.modified))?;
+                add(&mut done, &chunk);
             }
         }
         Ok(done)

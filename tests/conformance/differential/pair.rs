@@ -139,7 +139,8 @@ impl Pair {
         let look = doc! { "find": written };
         let theirs = self.server(&[command.clone(), look.clone()])?;
         let mut verdict = self.compare(command, &theirs[0], command);
-        if matches!(verdict, Verdict::Agrees { error: false, .. }) {
+        // What a write has done that failed is compared, too.
+        if matches!(verdict, Verdict::Agrees { .. }) {
             self.writes += 1;
             if written == "c" {
                 self.documents = batch(&theirs[1]).unwrap_or_default();
@@ -149,8 +150,7 @@ impl Pair {
                 verdict = found;
             }
         }
-        // Where a write of many documents fails, mongod keeps what it did before.
-        if !matches!(verdict, Verdict::Agrees { error: false, .. }) {
+        if !matches!(verdict, Verdict::Agrees { .. }) {
             self.writes = WORN;
         }
         Ok(verdict)
