@@ -16,11 +16,11 @@ use crate::query::{Filter, Sort};
 use crate::store::{Hint, Namespace, StoreError};
 
 /// How long a slice takes.
-const SLICE: Duration = Duration::from_millis(100);
+const SLICE_DURATION: Duration = Duration::from_millis(100);
 /// The same, where the disk is nearly full: it has room for a short log.
-const SHORT_SLICE: Duration = Duration::from_millis(10);
+const SHORT_SLICE_DURATION: Duration = Duration::from_millis(10);
 /// The pause between two slices, in which every waiting writer tries once.
-const PAUSE: Duration = Duration::from_millis(15);
+const PAUSE_BETWEEN_SLICES: Duration = Duration::from_millis(15);
 
 /// Which matches are meant, and how they are found.
 #[derive(Debug, Clone, Copy)]
@@ -143,14 +143,14 @@ impl Embedded {
                 Slice::Last => return Ok(None),
                 Slice::Failed(error) => return Ok(Some(error)),
                 Slice::More if stops_work() => return Ok(Some(StoreError::Interrupted { done: 0 })),
-                Slice::More => std::thread::sleep(PAUSE),
+                Slice::More => std::thread::sleep(PAUSE_BETWEEN_SLICES),
             }
         }
     }
 
     /// How long a slice may take.
     fn slice(&self) -> Duration {
-        if self.is_crowded() { SHORT_SLICE } else { SLICE }
+        if self.is_crowded() { SHORT_SLICE_DURATION } else { SLICE_DURATION }
     }
 }
 
