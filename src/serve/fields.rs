@@ -183,6 +183,25 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// A number of 32 bits, and of no other type.
+    pub(super) fn int(self, name: &str) -> Result<Option<i32>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::Int32(number)) => Ok(Some(*number)),
+            Some(other) => Err(self.wrong(name, other, "int")),
+        }
+    }
+
+    /// Numbers of 32 bits, and of no other type.
+    pub(super) fn ints(self, name: &str) -> Result<Option<Vec<i32>>, Failure> {
+        let Some(values) = self.array(name)? else { return Ok(None) };
+        let int = |(index, value): (usize, &Bson)| match value {
+            Bson::Int32(number) => Ok(*number),
+            other => Err(self.wrong(&format!("{name}.{index}"), other, "int")),
+        };
+        values.iter().enumerate().map(int).collect::<Result<_, _>>().map(Some)
+    }
+
     /// A whole number that is not negative.
     pub(super) fn size(self, name: &str) -> Result<Option<u64>, Failure> {
         let Some(number) = self.whole(name)? else { return Ok(None) };

@@ -21,6 +21,7 @@ mod code;
 mod command;
 mod connection;
 mod cursor;
+mod effect;
 mod ended;
 mod failure;
 mod fields;

@@ -1,17 +1,16 @@
 //! Writes that are done once, however often they are sent.
 //!
 //! A driver that lost its connection does not know whether its write was done, and sends it again with the same
-//! session and number. What was answered is kept in the collection `rmem.retries` of the database, in
+//! session and number. What its statements did is kept in the collection `rmem.retries` of the database, in
 //! the write itself: a server that is killed and started again knows it, too.
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::{DateTime, Document, doc};
 
 use super::access::RECORDS;
 use super::failure::{Failure, codes};
 use super::session::{Finished, Once, SessionId};
 use super::statements::Repeatable;
 use crate::memory::Memory;
-use crate::query::decode;
 use crate::store::{Find, Namespace, StoreError};
 
 /// How long it is kept: longer than a session lives.
@@ -21,36 +20,28 @@ fn records(ns: &Namespace) -> Namespace {
     Namespace { database: ns.database.clone(), collection: RECORDS.to_owned() }
 }
 
-/// What a write was answered when it was done before.
+/// Recalls what the statements of a write did when they were sent before.
 ///
 /// # Errors
-/// Where the session has done a later one since, or this one with other statements.
+/// Where the session has done a later write since.
 pub(super) fn recall(
     memory: &Memory,
     ns: &Namespace,
     Repeatable { once, statements }: &Repeatable,
     last: Option<Finished>,
-) -> Result<Option<RawDocumentBuf>, Failure> {
+) -> Result<(), Failure> {
     match last {
-        Some(last) if last.number < once.number => return Ok(None),
+        Some(last) if last.number < once.number => return Ok(()),
         Some(last) if last.number > once.number => return Err(too_old(once, last.number)),
         _ => {}
     }
-    let Some(record) = record(memory, ns, &once.session)? else { return Ok(None) };
-    let number = record.get_i64("number").unwrap_or_default();
-    if number > once.number {
-        return Err(too_old(once, number));
-    }
-    match record.get("reply") {
-        Some(Bson::Document(reply)) if number == once.number => {
-            // A record of an earlier rmem has none.
-            let kept = record.get_array("statements").ok().map(|kept| kept.iter().filter_map(Bson::as_i64).collect());
-            if kept.is_some_and(|kept: Vec<i64>| kept != statements.numbers) {
-                return Err(Failure::unsupported("repeating a write with other statements (stmtIds) than it had"));
-            }
-            Ok(Some(RawDocumentBuf::try_from(&statements.repeated(reply.clone()))?))
+    let Some(record) = record(memory, ns, &once.session)? else { return Ok(()) };
+    match record.get_i64("number").unwrap_or_default() {
+        number if number > once.number => Err(too_old(once, number)),
+        number if number == once.number => {
+            statements.recall(record.get_array("done").map(Vec::as_slice).unwrap_or_default())
         }
-        _ => Ok(None),
+        _ => Ok(()),
     }
 }
 
@@ -63,27 +54,24 @@ fn record(memory: &Memory, ns: &Namespace, session: &SessionId) -> Result<Option
 
 fn too_old(once: &Once, last: i64) -> Failure {
     let message = format!(
-        "Cannot start transaction {} on session {} because a newer transaction with txnNumber {last} has already started.",
+        "Retryable write with txnNumber {} is prohibited on session {} because a newer retryable write with txnNumber {last} has already started on this session.",
         once.number, once.session
     );
     Failure::new(codes::TRANSACTION_TOO_OLD, message)
 }
 
-/// Keeps what a write is answered. In the write only.
-pub(super) fn keep(
-    memory: &Memory,
-    ns: &Namespace,
-    once: &Once,
-    statements: &[i64],
-    reply: &RawDocumentBuf,
-) -> Result<(), Failure> {
-    let record = doc! {
-        "_id": once.session.to_bson(),
-        "number": once.number,
-        "at": DateTime::now(),
-        "statements": statements.to_vec(),
-        "reply": decode(reply)?,
-    };
+/// Keeps what the statements of a write did. In the write only.
+pub(super) fn keep(memory: &Memory, ns: &Namespace, write: &Repeatable) -> Result<(), Failure> {
+    write.statements.to_be_kept().map_or(Ok(()), |done| put(memory, ns, &write.once, done))
+}
+
+/// Keeps that a transaction was committed. In the transaction only.
+pub(super) fn keep_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Result<(), Failure> {
+    put(memory, ns, once, Vec::new())
+}
+
+fn put(memory: &Memory, ns: &Namespace, once: &Once, done: Vec<Document>) -> Result<(), Failure> {
+    let record = doc! { "_id": once.session.to_bson(), "number": once.number, "at": DateTime::now(), "done": done };
     let records = records(ns);
     memory.bare(&records)?.put(&records, vec![record], None)?;
     Ok(())

@@ -7,8 +7,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bson::RawDocumentBuf;
-
 use super::call::Call;
 use super::command;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
@@ -143,7 +141,7 @@ impl Open {
 
     /// Notes, in the transaction, that it was committed.
     fn note(&self, memory: &Memory) -> Result<(), StoreError> {
-        let kept = retry::keep(memory, &records(), &self.once, &[], &RawDocumentBuf::new());
+        let kept = retry::keep_committed(memory, &records(), &self.once);
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
     }
 

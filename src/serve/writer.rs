@@ -173,14 +173,11 @@ fn write(
     once: Option<Repeatable>,
     work: impl FnOnce(&Memory) -> Answer,
 ) -> Answer {
-    if let Some(write) = &once
-        && let Some(answer) = retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?
-    {
-        return Ok(answer);
+    if let Some(write) = &once {
+        retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?;
     }
     let answer = panic::caught(|| work(memory))?;
-    let mut writes = once.iter();
-    writes.try_for_each(|write| retry::keep(memory, ns, &write.once, &write.statements.numbers, &answer))?;
+    once.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
     server.clock.wrote();
     if let Some(Repeatable { once: Once { session, number }, .. }) = once {
         server.sessions.finish(&session, Finished::write(number));

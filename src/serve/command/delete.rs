@@ -6,6 +6,7 @@ use super::definition::Command;
 use super::write::{COMMON, Outcome, changes, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
+use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::store::{Modifiers, Namespace, Query};
@@ -20,8 +21,16 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     let is_many = |statement| Ok(!is_of_one(statement)?);
     let statements = changes(call, ("deletes", "delete.deletes"), is_many)?;
     for (index, statement) in statements.into_iter().enumerate() {
+        if outcome.repeated(call, index).is_some() {
+            outcome.n += 1;
+            continue;
+        }
         match delete_one(memory, call, &ns, statement, &variables) {
-            Ok(count) => outcome.n += count,
+            Ok(0) => {}
+            Ok(count) => {
+                outcome.n += count;
+                call.statements.note(index..index + 1, &Effect::Deleted);
+            }
             Err(failure) if failure.is_malformed => return Err(failure),
             Err(failure) => {
                 if !outcome.fail(index, failure, ordered)? {

@@ -30,7 +30,7 @@ fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
             return Err(Failure::new(codes::FAILED_TO_PARSE, message));
         }
     };
-    let inner = Call { request: Request::read(inner)?, metadata: call.metadata, author: call.author.clone() };
+    let inner = Call::new(Request::read(inner)?, call.metadata, &call.author);
     let ns = inner.request.readable()?;
     let fields = inner.request.fields();
     let asked = match inner.request.name.as_str() {

@@ -6,6 +6,7 @@ use super::definition::Command;
 use super::write::{COMMON, Outcome, is_ordered, statements};
 use crate::memory::Memory;
 use crate::serve::call::Call;
+use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("insert", insert).transactional()];
@@ -18,15 +19,25 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
     // Documents are stored together, up to the next one that is refused. Where one was, the next are likely to be: few are
     // tried at first, so that the work does not grow with the square of their number.
     while let Some(rest) = documents.get(start..).filter(|rest| !rest.is_empty()) {
-        let batch: Vec<Document> = rest.iter().take(size).map(|document| (*document).clone()).collect();
+        if outcome.repeated(call, start).is_some() {
+            outcome.n += 1;
+            start += 1;
+            continue;
+        }
+        let is_new = |(place, _): &(usize, _)| *place == 0 || call.statements.repeated(start + place).is_none();
+        let batch = rest.iter().take(size).enumerate().take_while(is_new);
+        let batch: Vec<Document> = batch.map(|(_, document)| (*document).clone()).collect();
         match call.access(memory).insert(&ns, batch) {
             Ok(inserted) => {
-                outcome.n += inserted.ids.len() as u64;
-                start += inserted.ids.len();
+                let stored = inserted.ids.len();
+                call.statements.note(start..start + stored, &Effect::Inserted);
+                outcome.n += stored as u64;
+                start += stored;
                 size *= 2;
             }
             Err(error) => {
                 let stored = error.stored().len();
+                call.statements.note(start..start + stored, &Effect::Inserted);
                 size = stored + 1;
                 outcome.n += stored as u64;
                 let index = start + stored;

@@ -129,7 +129,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
             false => run(client, &server, &request),
         };
     }
-    let call = Call { request, metadata: client.metadata, author: Arc::clone(&client.author) };
+    let call = Call::new(request, client.metadata, &client.author);
     if call.request.is_in_transaction() {
         return in_transaction(host, client, command, call);
     }
@@ -163,7 +163,7 @@ fn check_number(command: &Command, request: &Request) -> Result<(), Failure> {
 }
 
 /// Has something written; once, where the command has a number.
-fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> Answer {
+fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call) -> Answer {
     if host.server.options.read_only {
         let message = format!("{}: this memory is served read-only", call.request.name);
         return Err(Failure::new(codes::ILLEGAL, message));
@@ -182,8 +182,10 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: Call) -> 
         }
         host.server.readings.end_before(once);
     }
-    let statements = once.is_some().then(|| Statements::read(&call.request)).transpose()?;
-    let once = once.zip(statements).map(|(once, statements)| Repeatable { once, statements });
+    if once.is_some() {
+        call.statements = Arc::new(Statements::read(&call.request)?);
+    }
+    let once = once.map(|once| Repeatable { once, statements: Arc::clone(&call.statements) });
     let (home, deadline) = (home(&call.request), call.request.deadline());
     let work = move |memory: &Memory| {
         memory.sign(&call.author);

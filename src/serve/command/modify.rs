@@ -4,18 +4,32 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
 use super::update::{array_filters, spec};
-use super::write::COMMON;
 use crate::memory::Memory;
 use crate::query::QueryError;
 use crate::serve::call::Call;
+use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::number;
 use crate::store::{Find, Modifiers, Namespace, UpdateRequest, UpdateSpec};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("findAndModify", modify).transactional()];
 
-/// What is taken beside [`COMMON`].
-const TAKEN: [&str; 11] =
-    ["query", "sort", "remove", "update", "new", "fields", "upsert", "arrayFilters", "hint", "collation", "let"];
+const TAKEN: [&str; 14] = [
+    "query",
+    "sort",
+    "remove",
+    "update",
+    "new",
+    "fields",
+    "upsert",
+    "arrayFilters",
+    "hint",
+    "collation",
+    "let",
+    "bypassDocumentValidation",
+    "stmtId",
+    "runtimeConstants",
+];
 
 /// What is to be done with the first document that matches.
 struct Modification {
@@ -31,7 +45,7 @@ struct Modification {
 
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&[&COMMON[..], &TAKEN].concat())?;
+    fields.known(&TAKEN)?;
     let modification = Modification {
         query: fields.document_or_empty("query")?,
         sort: fields.document_or_empty("sort")?,
@@ -43,6 +57,11 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
         modifiers: fields.modifiers()?,
     };
     modification.check(fields.flag("remove")?)?;
+    if let Some((statement, effect)) = call.statements.repeated(0) {
+        let mut reply = effect.modified(modification.update.is_none())?;
+        reply.insert("retriedStmtId", number(statement));
+        return raw(&reply);
+    }
     match &modification.update {
         None => modification.remove(memory, call, &ns),
         Some(update) => modification.change(memory, call, &ns, update),
@@ -101,7 +120,7 @@ impl Modification {
         };
         let before = value(self.first(memory, call, ns)?)?;
         call.access(memory).delete(ns, (&same(&id)).into(), true)?;
-        raw(&doc! { "lastErrorObject": { "n": 1 }, "value": before })
+        kept(call, doc! { "lastErrorObject": { "n": 1 }, "value": before }, Effect::Removed)
     }
 
     fn change(&self, memory: &Memory, call: &Call, ns: &Namespace, update: &UpdateSpec) -> Answer {
@@ -124,6 +143,7 @@ impl Modification {
             modifiers: self.modifiers.without_hint(),
         };
         let updated = call.access(memory).update(ns, &request)?;
+        let is_changed = Effect::of(&updated).is_some();
         let mut last = doc! { "n": 1, "updatedExisting": id.is_some() };
         if let Some(made) = &updated.upserted {
             last.insert("upserted", made);
@@ -132,8 +152,16 @@ impl Modification {
             (true, Some(id)) => self.by_id(memory, call, ns, &id)?,
             _ => before,
         };
-        raw(&doc! { "lastErrorObject": last, "value": after })
+        let reply = doc! { "lastErrorObject": last, "value": after };
+        if is_changed { kept(call, reply, Effect::Modified) } else { raw(&reply) }
     }
+}
+
+/// An answer that is known when the command is sent again.
+fn kept(call: &Call, reply: Document, effect: fn(Document) -> Effect) -> Answer {
+    let answer = raw(&reply);
+    call.statements.note(0..1, &effect(reply));
+    answer
 }
 
 fn same(id: &Bson) -> Document {

@@ -6,6 +6,7 @@ use super::definition::Command;
 use super::write::{COMMON, Outcome, changes, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
+use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::store::{Modifiers, Namespace, UpdateRequest, UpdateSpec, Updated};
@@ -20,8 +21,13 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
     let statements = changes(call, ("updates", "update.updates"), |statement| statement.flag("multi"))?;
     for (index, statement) in statements.into_iter().enumerate() {
-        match update_one(memory, call, &ns, statement, &variables) {
+        let updated = match outcome.repeated(call, index) {
+            Some(effect) => Ok(effect.updated()?),
+            None => update_one(memory, call, &ns, statement, &variables),
+        };
+        match updated {
             Ok(updated) => {
+                Effect::of(&updated).iter().for_each(|effect| call.statements.note(index..index + 1, effect));
                 outcome.n += updated.matched + u64::from(updated.upserted.is_some());
                 modified += updated.modified;
                 let place = i32::try_from(index).unwrap_or(i32::MAX);
@@ -36,10 +42,11 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             }
         }
     }
-    let mut reply = doc! { "nModified": i32::try_from(modified).unwrap_or(i32::MAX) };
+    let mut reply = Document::new();
     if !upserted.is_empty() {
         reply.insert("upserted", upserted);
     }
+    reply.insert("nModified", i32::try_from(modified).unwrap_or(i32::MAX));
     outcome.reply(reply)
 }
 

@@ -1,20 +1,30 @@
 //! What the commands that write have in common: several statements, each of which may fail.
 
-use bson::{Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::handshake::MAX_BATCH;
 use crate::serve::call::Call;
+use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::Fields;
+use crate::serve::fields::{Fields, number};
 
 /// What came of the statements of a command.
 #[derive(Default)]
 pub(super) struct Outcome {
     pub(super) n: u64,
     errors: Vec<Document>,
+    /// The numbers of statements that were done when they were sent before.
+    retried: Vec<Bson>,
 }
 
 impl Outcome {
+    /// What a statement did, where it was done when it was sent before.
+    pub(super) fn repeated(&mut self, call: &Call, place: usize) -> Option<Effect> {
+        let (statement, effect) = call.statements.repeated(place)?;
+        self.retried.push(number(statement));
+        Some(effect)
+    }
+
     /// Notes that a statement failed; says whether those behind it are to be done.
     ///
     /// # Errors
@@ -31,10 +41,13 @@ impl Outcome {
     /// The answer, with what belongs to it.
     pub(super) fn reply(self, more: Document) -> Answer {
         let mut reply = doc! { "n": i32::try_from(self.n).unwrap_or(i32::MAX) };
-        reply.extend(more);
         if !self.errors.is_empty() {
             reply.insert("writeErrors", self.errors);
         }
+        if !self.retried.is_empty() {
+            reply.insert("retriedStmtIds", self.retried);
+        }
+        reply.extend(more);
         Ok(RawDocumentBuf::try_from(&reply)?)
     }
 }

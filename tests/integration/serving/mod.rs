@@ -7,6 +7,7 @@ mod kills;
 mod login;
 mod messages;
 mod process;
+mod retries;
 mod streams;
 mod suites;
 mod transactions;
@@ -21,6 +22,7 @@ use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 
 pub(crate) use front::CASES as IN_FRONT;
+pub(crate) use retries::BESIDE;
 pub(crate) use suites::stop;
 
 /// How long what has to come may take.
@@ -31,7 +33,7 @@ type Case = fn() -> Result<(), Failed>;
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
     let cases = [clients::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
-    let cases = cases.into_iter().chain([transactions::CASES]).flatten();
+    let cases = cases.into_iter().chain([retries::CASES, transactions::CASES]).flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());
     trials
