@@ -19,6 +19,7 @@ mod client;
 mod clock;
 mod code;
 mod command;
+mod confirmation;
 mod connection;
 mod cursor;
 mod effect;

@@ -250,6 +250,22 @@ pub trait Store: Send {
         work()
     }
 
+    /// Runs writes whose client says who is to confirm them (`writeConcern`; nothing where it does not), and waits until they are
+    /// confirmed; `work` returns whether there is something to wait for. Returns MongoDB's `writeConcernError` where they
+    /// are not confirmed. A store that is one member confirms each write itself.
+    ///
+    /// # Errors
+    /// Where the store cannot be reached, or has no such members; then `work` was not run.
+    fn confirmed(
+        &self,
+        _: &Namespace,
+        _concern: Option<&Document>,
+        work: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Document>, StoreError> {
+        work();
+        Ok(None)
+    }
+
     /// Runs operations that all see the store at one moment, while others write. They cannot write themselves: error
     /// 112, a write conflict. Returns whether nothing was written meanwhile, where the store knows it.
     fn at_one_moment(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {

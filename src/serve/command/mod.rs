@@ -34,6 +34,7 @@ use super::access::RECORDS;
 use super::attempt::attempt;
 use super::call::Call;
 use super::client::Client;
+use super::confirmation::confirmed;
 use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
@@ -84,7 +85,8 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     // An abort writes nothing that could be confirmed.
     let is_confirmed_by = |asked| confirmation == asked && request.name != "abortTransaction";
     let mode = is_confirmed_by(Confirmation::Mode).then(|| request.mode());
-    let written_to = is_confirmed_by(Confirmation::Others).then(|| home(&request));
+    let is_of_others = is_confirmed_by(Confirmation::Others);
+    let ns = home(&request);
     let unconfirmed = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
@@ -94,18 +96,15 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
         return Ok(unconfirmed);
     }
-    if let Some(mode) = mode {
-        reply.append(cstr!("writeConcernError"), Failure::no_mode(&mode).concern_error());
-    }
-    if let Some(ns) = written_to {
-        let message = match host.memory()?.is_current(&ns)? {
-            true => "Not enough data-bearing nodes: rmem is one member",
-            false => {
-                "it was written as the URI of --memory says, by default to a majority of the members: the write concern of \
-                 a client is not passed on to them"
-            }
-        };
-        let failure = Failure::new(codes::UNSATISFIABLE_CONCERN, message);
+    let failure = match mode {
+        Some(mode) => Failure::no_mode(&mode),
+        None if is_of_others => {
+            Failure::new(codes::UNSATISFIABLE_CONCERN, "Not enough data-bearing nodes: rmem is one member")
+        }
+        None => return Ok(reply),
+    };
+    // A MongoDB server was asked itself.
+    if host.memory()?.is_current(&ns)? {
         reply.append(cstr!("writeConcernError"), failure.concern_error());
     }
     Ok(reply)
@@ -187,9 +186,10 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call)
     }
     let once = once.map(|once| Repeatable { once, statements: Arc::clone(&call.statements) });
     let (home, deadline) = (home(&call.request), call.request.deadline());
+    let ns = home.clone();
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
-        run(memory, &call)
+        confirmed(memory, &ns, &call.request, |memory| run(memory, &call))
     };
     host.write(home, once, deadline, Box::new(work))
 }

@@ -90,6 +90,7 @@ impl Modification {
             limit: 1,
             projection: self.fields.clone(),
             modifiers: self.modifiers.clone(),
+            current: true,
             ..Find::default()
         };
         Ok(call.access(memory).find(ns, &find)?.next().transpose()?)
@@ -103,6 +104,7 @@ impl Modification {
             limit: 1,
             projection: doc! { "_id": 1 },
             modifiers: self.modifiers.clone(),
+            current: true,
             ..Find::default()
         };
         let Some(found) = call.access(memory).find(ns, &find)?.next().transpose()? else { return Ok(None) };
@@ -110,7 +112,8 @@ impl Modification {
     }
 
     fn by_id(&self, memory: &Memory, call: &Call, ns: &Namespace, id: &Bson) -> Result<Bson, Failure> {
-        let find = Find { filter: same(id), limit: 1, projection: self.fields.clone(), ..Find::default() };
+        let find =
+            Find { filter: same(id), limit: 1, projection: self.fields.clone(), current: true, ..Find::default() };
         value(call.access(memory).find(ns, &find)?.next().transpose()?)
     }
 
@@ -123,10 +126,24 @@ impl Modification {
         kept(call, doc! { "lastErrorObject": { "n": 1 }, "value": before }, Effect::Removed)
     }
 
+    fn request(&self, filter: Document, update: &UpdateSpec) -> UpdateRequest {
+        UpdateRequest {
+            filter,
+            update: update.clone(),
+            array_filters: self.array_filters.clone(),
+            many: false,
+            upsert: self.upsert,
+            modifiers: self.modifiers.without_hint(),
+        }
+    }
+
     fn change(&self, memory: &Memory, call: &Call, ns: &Namespace, update: &UpdateSpec) -> Answer {
         let id = self.id(memory, call, ns)?;
         let before = if self.new { Bson::Null } else { value(self.first(memory, call, ns)?)? };
         if id.is_none() && !self.upsert {
+            // A wrong update is refused, also where there is nothing to update.
+            let nothing = doc! { "$and": [self.query.clone(), { "_id": { "$in": [] } }] };
+            call.access(memory).update(ns, &self.request(nothing, update))?;
             return raw(&doc! { "lastErrorObject": { "n": 0, "updatedExisting": false }, "value": Bson::Null });
         }
         // What the query matched determines which element `$` is.
@@ -134,15 +151,7 @@ impl Modification {
             Some(id) => doc! { "$and": [self.query.clone(), exactly(id)] },
             None => self.query.clone(),
         };
-        let request = UpdateRequest {
-            filter,
-            update: update.clone(),
-            array_filters: self.array_filters.clone(),
-            many: false,
-            upsert: self.upsert,
-            modifiers: self.modifiers.without_hint(),
-        };
-        let updated = call.access(memory).update(ns, &request)?;
+        let updated = call.access(memory).update(ns, &self.request(filter, update))?;
         let is_changed = Effect::of(&updated).is_some();
         let mut last = doc! { "n": 1, "updatedExisting": id.is_some() };
         if let Some(made) = &updated.upserted {

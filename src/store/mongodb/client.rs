@@ -9,6 +9,7 @@ use mongodb::options::{
 };
 use mongodb::sync::{Client, Collection};
 
+use super::confirmation::Confirmation;
 use super::{MongoDb, failure};
 use crate::store::credentials;
 use crate::store::uri::Role;
@@ -29,11 +30,12 @@ impl MongoDb {
     /// Where the driver does not accept the URI, or (`mongodb+srv`) the name does not resolve.
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
         let options = completed(parse(uri, &address)?, role);
+        let confirmation = Confirmation::new(options.write_concern.clone().unwrap_or_default(), role);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
-        Ok(Self::new(client, address, None))
+        Ok(Self::new(client, address, confirmation))
     }
 
-    fn new(client: Client, address: String, confirmation: Option<WriteConcern>) -> Self {
+    fn new(client: Client, address: String, confirmation: Confirmation) -> Self {
         let (decaying, keeping, version) = Default::default();
         Self { client, decaying, keeping, version, confirmation, address }
     }
@@ -42,11 +44,11 @@ impl MongoDb {
     /// already.
     pub(super) fn without_majority(&self) -> Self {
         let own = WriteConcern::builder().w(Acknowledgment::Nodes(1)).journal(true).build();
-        Self::new(self.client.clone(), self.address.clone(), Some(own))
+        Self::new(self.client.clone(), self.address.clone(), Confirmation::new(own, Role::Local))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
-        let options = CollectionOptions::builder().write_concern(self.confirmation.clone()).build();
+        let options = CollectionOptions::builder().write_concern(self.confirmation.of_one()).build();
         self.client.database(&ns.database).collection_with_options(&ns.collection, options)
     }
 

@@ -7,6 +7,7 @@
 pub mod admin;
 
 mod client;
+mod confirmation;
 mod dates;
 mod explain;
 mod failure;
@@ -27,7 +28,6 @@ pub use raw::Raw;
 use std::collections::HashSet;
 use std::sync::{Mutex, OnceLock};
 
-use mongodb::options::WriteConcern;
 use mongodb::sync::Client;
 
 use crate::store::Namespace;
@@ -41,8 +41,8 @@ pub struct MongoDb {
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.
     version: OnceLock<i32>,
-    /// The write concern, where it is another one than in the URI.
-    confirmation: Option<WriteConcern>,
+    /// Who confirms writes.
+    confirmation: confirmation::Confirmation,
     /// The URI without credentials and options.
     address: String,
 }

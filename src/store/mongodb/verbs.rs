@@ -205,6 +205,15 @@ impl Store for MongoDb {
         }
     }
 
+    fn confirmed(
+        &self,
+        ns: &Namespace,
+        concern: Option<&Document>,
+        work: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Document>, StoreError> {
+        self.wait_for_all(ns, concern, work)
+    }
+
     fn keep_history(&self, rules: &[HistoryRule]) {
         self.set_history(rules);
     }

@@ -6,13 +6,16 @@ use mongodb::options::ReturnDocument;
 use mongodb::results::CollectionType;
 use mongodb::sync::Client;
 
+use super::wire::Wire;
 use super::{Served, code};
 
 type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried in front of the server at a URI.
-pub(crate) const CASES: &[(&str, Case)] =
-    &[("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front)];
+pub(crate) const CASES: &[(&str, Case)] = &[
+    ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
+    ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
+];
 
 fn in_front(mongod: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
@@ -48,12 +51,6 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     many.insert_one(doc! { "_id": -1 }).run()?;
     let slow = many.find(doc! { "$where": "sleep(60000) || true" }).max_time(std::time::Duration::from_millis(200));
     assert_eq!(code(slow.run()), Some(50));
-    let unconfirmed = database.run_command(doc! {
-        "insert": "things", "documents": [{ "_id": 8 }], "writeConcern": { "w": 5 },
-    });
-    let unconfirmed = unconfirmed.run()?;
-    let error = unconfirmed.get_document("writeConcernError")?.get_str("errmsg")?;
-    assert!(error.contains("not passed on"), "{error}");
     // A view is listed as one, and keeps nothing else from being listed.
     let behind = Client::with_uri_str(mongod)?.database("in_front");
     behind.run_command(doc! { "create": "seen", "viewOn": "things", "pipeline": [] }).run()?;
@@ -61,7 +58,7 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert_eq!((listed.collection_type, listed.options.view_on.as_deref()), (CollectionType::View, Some("things")));
     assert!(database.list_collection_names().run()?.contains(&"many".to_owned()));
     let stats = database.run_command(doc! { "dbStats": 1 }).run()?;
-    assert_eq!((stats.get_i32("views")?, stats.get_i32("objects")?), (1, 502));
+    assert_eq!((stats.get_i32("views")?, stats.get_i32("objects")?), (1, 501));
     assert!(client.list_databases().run()?.iter().any(|found| found.name == "in_front"));
     // What only the server itself can do is refused, with the reason.
     let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
@@ -72,5 +69,68 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
         things.insert_one(doc! { "_id": 9 }).session(&mut session).run().err().ok_or("a transaction was begun")?;
     assert!(refusal.to_string().contains("on a MongoDB server: connect to that"), "{refusal}");
     database.drop().run()?;
+    Ok(())
+}
+
+/// Commands that have a write concern; each finds what those before it have left.
+fn writes() -> Vec<Document> {
+    let (map, reduce) = ("function() { emit(1, 1) }", "function(key, values) { return 1 }");
+    vec![
+        doc! { "insert": "c", "documents": [{ "_id": 1 }, { "_id": 2 }] },
+        doc! { "insert": "c", "documents": [{ "_id": 3 }, { "_id": 1 }] },
+        doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": { "$set": { "n": 1 } } }] },
+        doc! { "update": "c", "updates": [{ "q": { "_id": 7 }, "u": { "$set": { "n": 1 } }, "upsert": true }] },
+        doc! { "update": "c", "updates": [{ "q": {}, "u": { "$set": { "n": 2 } }, "multi": true }] },
+        doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": { "$bad": 1 } }] },
+        doc! { "delete": "c", "deletes": [{ "q": { "_id": 2 }, "limit": 1 }, { "q": { "n": 2 }, "limit": 0 }] },
+        doc! { "findAndModify": "c", "query": { "_id": 1 }, "update": { "n": 3 }, "upsert": true, "new": true },
+        doc! { "findAndModify": "c", "query": { "_id": 1 }, "remove": true },
+        doc! { "findAndModify": "c", "query": { "_id": 1 }, "update": { "$bad": 1 } },
+        doc! { "create": "d" },
+        doc! { "createIndexes": "c", "indexes": [{ "key": { "n": 1 }, "name": "n_1" }] },
+        doc! { "dropIndexes": "c", "index": "n_1" },
+        doc! { "aggregate": "c", "pipeline": [{ "$out": "o" }], "cursor": {} },
+        doc! { "mapReduce": "c", "map": map, "reduce": reduce, "out": "o" },
+        doc! { "drop": "o" },
+    ]
+}
+
+/// What an answer says of what was done, and of its confirmation.
+fn said(answer: &Document) -> Document {
+    let mut said: Document =
+        ["ok", "n", "nModified", "upserted", "lastErrorObject", "value", "code", "writeConcernError"]
+            .into_iter()
+            .filter_map(|key| Some((key.to_owned(), answer.get(key)?.clone())))
+            .collect();
+    said.insert("failed", answer.get_array("writeErrors").map_or(0, Vec::len) as i64);
+    said
+}
+
+fn confirmed(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
+    let (mut behind, mut front) = (Wire::connect(address)?, Wire::connect(served.address())?);
+    let concerns = [
+        doc! { "w": 1 },
+        doc! { "w": "majority", "j": true, "wtimeout": 5000 },
+        doc! { "w": 5, "wtimeout": 100 },
+        doc! { "w": "far" },
+        doc! { "w": { "place": 2 } },
+        doc! { "j": true },
+    ];
+    for concern in concerns {
+        for write in writes() {
+            let own = |database: &str| {
+                let own = doc! { "$db": database, "writeConcern": concern.clone() };
+                write.clone().into_iter().chain(own).collect::<Document>()
+            };
+            let (expected, found) = (behind.run(&own("confirmed"))?, front.run(&own("confirmed_in_front"))?);
+            assert_eq!(said(&found), said(&expected), "{write} {concern}");
+        }
+        for database in ["confirmed", "confirmed_in_front"] {
+            behind.run(&doc! { "dropDatabase": 1, "$db": database })?;
+        }
+    }
     Ok(())
 }
