@@ -3,12 +3,15 @@
 //! A case is a function over `&dyn Store` and a namespace of its own; to add
 //! one, write it and name it in [`CASES`].
 
-use bson::{Bson, Document, doc};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::query::Collation;
 use rmem::store::{
-    Aggregation, Embedded, Find, Index, Inserted, Modifiers, Namespace, Query, Store, StoreError, UpdateRequest,
-    UpdateSpec, Updated,
+    Aggregation, Embedded, Find, HistoryRule, Index, Inserted, Modifiers, Namespace, Query, Scope, Store, StoreError,
+    UpdateRequest, UpdateSpec, Updated,
 };
 
 type Case = fn(&dyn Store, &Namespace);
@@ -90,6 +93,7 @@ const CASES: &[(&str, Case)] = cases![
     an_update_that_lets_a_document_decay_makes_the_index_too,
     a_decayed_document_takes_no_key,
     an_expression_sees_the_stored_documents_whatever_their_metadata_is,
+    the_runs_that_lost_their_oldest_changes_are_known,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -1272,4 +1276,28 @@ fn an_update_that_lets_a_document_decay_makes_the_index_too(store: &dyn Store, n
     let request = update(doc! { "_id": 1 }, doc! { "$set": { "_robmem_info.decay_time": later } });
     store.update(ns, &request, None).unwrap();
     assert_eq!(store.indexes(ns).unwrap().len(), 2);
+}
+
+/// A memory in this process keeps no history.
+fn the_runs_that_lost_their_oldest_changes_are_known(store: &dyn Store, ns: &Namespace) {
+    let (scope, age) = (Scope::Collection(ns.clone()), Duration::from_secs(3600));
+    store.keep_history(&[HistoryRule { scope, age, size: 1 << 20 }]);
+    store.sign("rmem insert");
+    insert(store, ns, (0..20).map(|id| doc! { "_id": id, "n": 0, "pad": "x".repeat(20_000) }));
+    for n in 1..6 {
+        store.sign("rmem update");
+        let update = UpdateSpec::Document(doc! { "$set": { "n": n } });
+        let request = UpdateRequest { update, many: true, ..UpdateRequest::default() };
+        assert_eq!(store.update(ns, &request, Some(DateTime::now())).unwrap().modified, 20);
+    }
+    let Some(history) = store.history(ns, None).unwrap() else { return };
+    let mut kept: BTreeMap<i64, usize> = BTreeMap::new();
+    for entry in history.entries {
+        *kept.entry(entry.unwrap().run.unwrap()).or_default() += 1;
+    }
+    let is_whole = |count: &usize| *count == 20;
+    assert!(!history.cut_runs.is_empty() && kept.values().any(is_whole), "{kept:?}");
+    for (run, count) in &kept {
+        assert_eq!(history.cut_runs.contains(run), !is_whole(count), "{run}: {kept:?} {:?}", history.cut_runs);
+    }
 }

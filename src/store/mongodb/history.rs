@@ -27,6 +27,8 @@ use crate::store::{Change, ChangeKind, Changes, Documents, Find, Namespace, Next
 const ENTRIES: &str = "rmem.history";
 /// The collection that says since when the history of a collection is whole: `{_id, since}`.
 const BEGINNINGS: &str = "rmem.histories";
+/// The collection of the runs of which changes are not kept any more: `{_id: {ns, run}, at}`.
+const CUT_RUNS: &str = "rmem.cut_runs";
 /// How long one waits for one's own changes to come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long no change may come until the history counts as read to its end.
@@ -83,6 +85,10 @@ impl MongoDb {
 
     fn entries(&self, ns: &Namespace) -> Collection<Document> {
         self.client().database(&ns.database).collection(ENTRIES)
+    }
+
+    fn cut_runs(&self, ns: &Namespace) -> Collection<Document> {
+        self.client().database(&ns.database).collection(CUT_RUNS)
     }
 
     fn beginnings(&self, ns: &Namespace) -> Collection<Document> {
@@ -206,7 +212,12 @@ impl MongoDb {
     fn bound(&self, ns: &Namespace, rule: &HistoryRule) -> Result<(), StoreError> {
         let oldest = self.oldest(rule)?;
         let old = doc! { "ns": ns.to_string(), "time": { "$lt": oldest } };
-        self.entries(ns).delete_many(old).run().map_err(|e| self.explain(&e))?;
+        if self.entries(ns).find_one(old.clone()).run().map_err(|e| self.explain(&e))?.is_some() {
+            self.remove_entries(ns, old)?;
+            // What was there when a run was noted is gone by now.
+            let gone = doc! { "_id.ns": ns.to_string(), "at": { "$lt": oldest } };
+            self.cut_runs(ns).delete_many(gone).run().map_err(|e| self.explain(&e))?;
+        }
         let statistics = doc! { "collStats": ENTRIES };
         let statistics = self.client().database(&ns.database).run_command(statistics).run();
         let statistics = statistics.map_err(|e| self.explain(&e))?;
@@ -228,7 +239,27 @@ impl MongoDb {
             let all = self.beginnings(ns).update_many(doc! {}, doc! { "$max": { "since": time } }).run();
             all.map_err(|e| self.explain(&e))?;
         }
-        self.entries(ns).delete_many(doc! { "_id": { "$lt": id } }).run().map(drop).map_err(|e| self.explain(&e))
+        self.remove_entries(ns, doc! { "_id": { "$lt": id } })
+    }
+
+    /// Notes the runs whose changes go, and then removes these.
+    fn remove_entries(&self, ns: &Namespace, entries: Document) -> Result<(), StoreError> {
+        let runs = [
+            doc! { "$match": { "$and": [&entries, { "run": { "$exists": true } }] } },
+            doc! { "$group": { "_id": { "ns": "$ns", "run": "$run" } } },
+            doc! { "$set": { "at": "$$NOW" } },
+            doc! { "$merge": { "into": CUT_RUNS, "whenMatched": "replace" } },
+        ];
+        self.entries(ns).aggregate(runs).run().map_err(|e| self.explain(&e))?;
+        self.entries(ns).delete_many(entries).run().map(drop).map_err(|e| self.explain(&e))
+    }
+
+    /// The runs of which the history of a collection has not all changes.
+    fn runs_cut(&self, ns: &Namespace, current: bool) -> Result<HashSet<i64>, StoreError> {
+        let place = Namespace { database: ns.database.clone(), collection: CUT_RUNS.to_owned() };
+        let find = Find { filter: doc! { "_id.ns": ns.to_string() }, current, ..Find::default() };
+        let run = |noted: RawDocumentBuf| noted.get_document("_id").ok()?.get_i64("run").ok();
+        self.find(&place, &find)?.filter_map(|noted| noted.map(run).transpose()).collect()
     }
 
     fn oldest(&self, rule: &HistoryRule) -> Result<DateTime, StoreError> {
@@ -259,7 +290,7 @@ impl MongoDb {
         let find = Find { filter, sort: doc! { "_id": 1 }, current, ..Find::default() };
         let found: Documents<'_> = self.find(&place, &find)?;
         let entries = found.map(|document| read(&document?).map_err(StoreError::from));
-        Ok(Some(History { since, cut_runs: HashSet::new(), entries: Box::new(entries) }))
+        Ok(Some(History { since, cut_runs: self.runs_cut(ns, current)?, entries: Box::new(entries) }))
     }
 
     pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
