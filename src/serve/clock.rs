@@ -50,7 +50,8 @@ pub(super) fn date(time: Timestamp) -> DateTime {
     DateTime::from_millis(millis)
 }
 
-fn packed(time: Timestamp) -> u64 {
+/// A time as one number.
+pub(super) fn packed(time: Timestamp) -> u64 {
     u64::from(time.time) << 32 | u64::from(time.increment)
 }
 

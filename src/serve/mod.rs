@@ -35,6 +35,7 @@ pub mod lock;
 mod mailbox;
 mod origin;
 mod panic;
+mod past;
 mod reading;
 mod request;
 mod retry;

@@ -20,6 +20,8 @@ use crate::store::Namespace;
 const MOST: usize = 200;
 /// How often a thread checks whether its time is over.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
+/// The same, where cursors of a snapshot are read by messages.
+const MESSAGE_POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Runs a command where its transaction is.
 pub(super) type Command = fn(&mut Host<'_>, &Call) -> Answer;
 
@@ -146,11 +148,15 @@ fn answer_all(
     asked: &Receiver<Ask>,
     until: Instant,
 ) -> Option<Sender<bool>> {
+    let mut interval = POLL_INTERVAL;
     loop {
-        match asked.recv_timeout(POLL_INTERVAL) {
+        match asked.recv_timeout(interval) {
             Ok(Ask::Run { call, reply }) => {
                 let answer = panic::caught(|| command(host, &call));
-                let is_failed = answer.is_err() && !is_write(&answer);
+                // A snapshot outlives commands that fail, and its cursors are read by messages.
+                let is_transaction = call.request.is_in_transaction();
+                interval = if is_transaction || !host.has_cursors() { POLL_INTERVAL } else { MESSAGE_POLL_INTERVAL };
+                let is_failed = is_transaction && answer.is_err() && !is_write(&answer);
                 if is_failed {
                     // Before the client can commit it.
                     abort(&host.server, once);

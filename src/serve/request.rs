@@ -136,6 +136,17 @@ impl Request {
         Origin { session: self.session.clone(), transaction }
     }
 
+    /// Whether it is to read a snapshot, and is of no transaction.
+    pub(super) fn reads_snapshot(&self) -> bool {
+        let concern = self.body.get_document("readConcern");
+        !self.is_in_transaction() && concern.is_ok_and(|concern| concern.get_str("level").ok() == Some("snapshot"))
+    }
+
+    /// The time of the snapshot that it is to read, where it names one.
+    pub(super) fn at_cluster_time(&self) -> Option<Timestamp> {
+        self.body.get_document("readConcern").ok()?.get_timestamp("atClusterTime").ok()
+    }
+
     /// The mode of its write concern (`w: "name"`).
     pub(super) fn mode(&self) -> String {
         let concern = self.body.get_document("writeConcern");
@@ -207,8 +218,7 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
     }
 }
 
-/// Whether what is asked of durability and of what reads see is kept here: all but snapshots
-/// of the past is. Says who is to confirm a write.
+/// Checks what is asked of durability and of what reads see, and says who is to confirm a write.
 fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
     if let Some(concern) = fields.document("readConcern")? {
         let concern = Fields::new("readConcern", concern);
@@ -222,14 +232,8 @@ fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
             let message = "atClusterTime field can be set only if level is equal to snapshot";
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
-        let in_transaction = fields.document.contains_key("autocommit");
         match level {
-            None | Some("local" | "majority" | "available" | "linearizable") => {}
-            Some("snapshot") if in_transaction => {}
-            Some("snapshot") => {
-                let message = "readConcern snapshot outside of a transaction is not supported by rmem, which does not keep the past";
-                return Err(Failure::new(codes::NO_SNAPSHOT, message));
-            }
+            None | Some("local" | "majority" | "available" | "linearizable" | "snapshot") => {}
             Some(other) => {
                 let message =
                     format!("Enumeration value '{other}' for field 'readConcern.level' is not a valid value.");
@@ -324,7 +328,7 @@ mod tests {
         assert_eq!(code(part.clone()), 0);
         let not = part.into_iter().chain([("startTransaction".to_owned(), false.into())]).collect();
         assert_eq!(code(not), codes::INVALID_OPTIONS);
-        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "snapshot" } }), codes::NO_SNAPSHOT);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "past" } }), codes::BAD_VALUE);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
         assert_eq!(others.confirmation, Confirmation::Others);
         let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();

@@ -18,7 +18,7 @@ pub(super) const TIMEOUT_MINUTES: i32 = 30;
 pub(super) const TRANSACTION_LIMIT: Duration = Duration::from_secs(60);
 
 /// A session: the UUID that the client gave it.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub(super) struct SessionId([u8; 16]);
 
 impl SessionId {
@@ -42,6 +42,11 @@ impl SessionId {
     /// A new session.
     pub(super) fn random() -> Self {
         Self(bson::Uuid::new().bytes())
+    }
+
+    /// What the snapshot of a session is kept by.
+    pub(super) fn of_snapshot(&self) -> Self {
+        Self(self.0.map(|byte| !byte))
     }
 
     pub(super) fn to_bson(&self) -> Bson {

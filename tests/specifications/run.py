@@ -133,6 +133,14 @@ def settings(options):
     return {k: v for k, v in known.items() if v is not None}
 
 
+def preference(arguments):
+    """The read preference of a command, where it has one."""
+    if "readPreference" not in arguments:
+        return {}
+    kind = arguments["readPreference"]["mode"]
+    return {"read_preference": getattr(pymongo.read_preferences, kind[0].upper() + kind[1:])()}
+
+
 class Test:
     def __init__(self, uri, suite, test):
         self.uri, self.suite, self.test = uri, suite, test
@@ -319,7 +327,7 @@ class Test:
     def database(self, database, name, arguments):
         if name == "runCommand":
             command = arguments.pop("command")
-            return database.command(command, **{snake(k): v for k, v in arguments.items() if k in ("session",)})
+            return database.command(command, **preference(arguments), **{k: v for k, v in arguments.items() if k == "session"})
         if name == "aggregate":
             pipeline = arguments.pop("pipeline")
             return list(database.aggregate(pipeline, **self.keywords(arguments)))
@@ -331,7 +339,7 @@ class Test:
             database.drop_collection(arguments["collection"], session=arguments.get("session"))
             return None
         if name == "listCollections":
-            return list(database.list_collections(**arguments))
+            return list(database.list_collections(**self.keywords(arguments)))
         raise Skip(f"the operation {name}")
 
     @staticmethod
@@ -383,6 +391,8 @@ class Test:
             return collection.count_documents(keywords.pop("filter"), **keywords)
         if name == "createIndex":
             return collection.create_index(list(arguments["keys"].items()), **{snake(k): v for k, v in arguments.items() if k != "keys"})
+        if name == "dropIndex":
+            return collection.drop_index(keywords.pop("name"), **keywords)
         if name == "listIndexes":
             return [dict(index) for index in collection.list_indexes(**keywords)]
         if name == "distinct":

@@ -38,6 +38,7 @@ use super::confirmation::confirmed;
 use super::failure::{Answer, Failure, codes};
 use super::host::{self, Host};
 use super::job::{Action, Job, Step};
+use super::past;
 use super::reading;
 use super::request::{Confirmation, Request};
 use super::server::Server;
@@ -122,6 +123,10 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
         return Err(Failure::new(codes::UNAUTHORIZED, message));
     }
     check_number(command, &request)?;
+    if request.reads_snapshot() {
+        let call = Call::new(request, client.metadata, &client.author);
+        return past::read(host, &home(&call.request), call, inside);
+    }
     if let Run::Here(run) = command.run {
         return match request.is_in_transaction() {
             true => Err(outside_only(command)),

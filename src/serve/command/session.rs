@@ -35,7 +35,8 @@ fn end(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.fields().known(&[])?;
     let sessions = sessions(&call.request)?;
     host.server.cursors.kill_all(|origin| origin.session.as_ref().is_some_and(|session| sessions.contains(session)));
-    host.server.readings.end_all(|session| sessions.contains(session));
+    let snapshots: Vec<SessionId> = sessions.iter().map(SessionId::of_snapshot).collect();
+    host.server.readings.end_all(|session| sessions.contains(session) || snapshots.contains(session));
     host.server.writer.submit(Job::abandon(sessions))?;
     host::empty()
 }

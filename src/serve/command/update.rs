@@ -58,7 +58,7 @@ fn update_one(
     variables: &Document,
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
-    fields.check_inside(&taken, &["sort", "upsertSupplied"])?;
+    fields.check_inside(&taken, &["upsertSupplied"])?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let mut request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,

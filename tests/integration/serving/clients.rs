@@ -231,7 +231,7 @@ fn mistakes() -> Result<(), Failed> {
         (doc! { "renameCollection": "a.none", "to": "a.d", "$db": "admin" }, 26, "NamespaceNotFound"),
         (doc! { "findAndModify": "c" }, 9, "FailedToParse"),
         (doc! { "commitTransaction": 1 }, 125, "CommandFailed"),
-        (doc! { "ping": 1, "readConcern": { "level": "snapshot" } }, 246, "SnapshotUnavailable"),
+        (doc! { "ping": 1, "readConcern": { "level": "snapshot" } }, 72, "InvalidOptions"),
     ] {
         let mut asked = command.clone();
         asked.entry("$db").or_insert_with(|| "a".into());

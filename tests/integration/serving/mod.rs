@@ -8,6 +8,7 @@ mod login;
 mod messages;
 mod process;
 mod retries;
+mod snapshots;
 mod streams;
 mod suites;
 mod transactions;
@@ -33,7 +34,7 @@ type Case = fn() -> Result<(), Failed>;
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
     let cases = [clients::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
-    let cases = cases.into_iter().chain([retries::CASES, transactions::CASES]).flatten();
+    let cases = cases.into_iter().chain([retries::CASES, snapshots::CASES, transactions::CASES]).flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());
     trials

@@ -1,0 +1,69 @@
+//! Reads of the memory as it was at the first of them (`readConcern: {level: "snapshot"}`), outside of a transaction.
+//!
+//! The first read of a session has a thread with a snapshot, as a transaction that only reads; its answer says at which
+//! time it was taken (`atClusterTime`), which the client sends with the next ones. One snapshot of a session is kept, for as
+//! long as a transaction may take.
+
+use std::sync::Arc;
+
+use bson::{Bson, Document, RawDocumentBuf, Timestamp};
+
+use super::call::Call;
+use super::clock;
+use super::failure::{Answer, Failure, codes};
+use super::host::Host;
+use super::reading;
+use super::session::{Once, SessionId};
+use crate::store::Namespace;
+
+/// Commands that read at a time.
+const READING: [&str; 3] = ["find", "aggregate", "distinct"];
+
+/// Runs a command that reads a snapshot.
+pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: reading::Command) -> Answer {
+    let name = &call.request.name;
+    if !READING.contains(&name.as_str()) {
+        let message = format!("Command {name} does not support {{ readConcern: {{ level: \"snapshot\" }} }}");
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    if !host.memory()?.is_current(ns)? {
+        return Err(unavailable("readConcern snapshot is for databases in a file; this one is on a MongoDB server"));
+    }
+    let asked = call.request.at_cluster_time();
+    let time = asked.unwrap_or_else(|| host.server.clock.tick());
+    if clock::packed(time) > clock::packed(host.server.clock.tick()) {
+        let message = "readConcern atClusterTime value must not be greater than the current clusterTime.";
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    let once = snapshot_of(call.request.session.as_ref(), time);
+    let begins = asked.is_none().then_some((ns, command));
+    let answer = reading::run(host, &once, &Arc::new(call), begins).map_err(|_| gone())?;
+    dated(answer.ok_or_else(gone)??, time)
+}
+
+/// What the thread of a snapshot is known by: its session is no transaction's.
+fn snapshot_of(session: Option<&SessionId>, time: Timestamp) -> Once {
+    let number = i64::try_from(clock::packed(time)).unwrap_or(i64::MAX);
+    Once { session: session.map(SessionId::of_snapshot).unwrap_or_default(), number }
+}
+
+fn gone() -> Failure {
+    unavailable(
+        "the snapshot is not kept: each session has one, for 60 s, at most 200 sessions have one at once, and nothing can be \
+         written or computed in it",
+    )
+}
+
+fn unavailable(message: &str) -> Failure {
+    Failure::new(codes::NO_SNAPSHOT, message)
+}
+
+/// The answer with the time of what it has read.
+fn dated(reply: RawDocumentBuf, time: Timestamp) -> Answer {
+    let mut reply = Document::try_from(&*reply)?;
+    match reply.get_mut("cursor") {
+        Some(Bson::Document(cursor)) => cursor.insert("atClusterTime", time),
+        _ => reply.insert("atClusterTime", time),
+    };
+    Ok(RawDocumentBuf::try_from(&reply)?)
+}
