@@ -188,7 +188,7 @@ mod tests {
         let needed = |role, asked: Document| Confirmation::new(least.clone(), role).needed(Some(&asked)).unwrap();
         let majority = doc! { "w": "majority", "j": true };
         for less in [doc! {}, doc! { "w": 0 }, doc! { "w": 1 }, doc! { "w": "majority" }, doc! { "j": false }] {
-            assert_eq!(needed(Role::Shared, less.clone()), [majority.clone()], "{less}");
+            assert_eq!(needed(Role::Shared, less.clone()), std::slice::from_ref(&majority), "{less}");
         }
         let timed = doc! { "w": "majority", "j": true, "wtimeout": 5 };
         assert_eq!(needed(Role::Shared, doc! { "w": 1, "wtimeout": 5 }), [timed]);
