@@ -30,7 +30,7 @@ impl MongoDb {
     /// Where the driver does not accept the URI, or (`mongodb+srv`) the name does not resolve.
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
         let options = completed(parse(uri, &address)?, role);
-        let confirmation = Confirmation::new(options.write_concern.clone().unwrap_or_default(), role);
+        let confirmation = Confirmation::new(options.write_concern.clone().unwrap_or_default(), role == Role::Shared);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
         Ok(Self::new(client, address, confirmation))
     }
@@ -44,7 +44,7 @@ impl MongoDb {
     /// already.
     pub(super) fn without_majority(&self) -> Self {
         let own = WriteConcern::builder().w(Acknowledgment::Nodes(1)).journal(true).build();
-        Self::new(self.client.clone(), self.address.clone(), Confirmation::new(own, Role::Local))
+        Self::new(self.client.clone(), self.address.clone(), Confirmation::new(own, false))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {

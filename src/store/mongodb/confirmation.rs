@@ -1,31 +1,17 @@
-//! Writes of a client that says who is to confirm them (`writeConcern`).
-//!
-//! The driver gives no result of a write that is not confirmed, and MongoDB answers both. So the primary alone confirms
-//! each write, and then an update of nothing has the client's write concern: the server waits for all that was written
-//! before it. Where another member has become the primary meanwhile, what was written before may be lost, and is
-//! reported as not confirmed.
+//! Who is to confirm writes: what the URI says, and what a client asks (`writeConcern`).
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document};
 use mongodb::options::{Acknowledgment, WriteConcern};
 
-use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::uri::Role;
-use crate::store::{Namespace, StoreError};
 
-/// The collection that the update of nothing is made in; it does not have to be there.
-const NOTHING: &str = "rmem.retries";
 /// How long it is taken for known which election made the primary.
 const KNOWN: Duration = Duration::from_secs(5);
-/// The server's code for a write during which another member became the primary.
-const ELECTED: i32 = 11_602;
-/// The server's code for a member that is not reached.
-const UNREACHABLE: i32 = 6;
 
 /// Who confirms the writes of a store.
 pub(super) struct Confirmation {
@@ -40,7 +26,7 @@ pub(super) struct Confirmation {
 }
 
 /// While it lives, the primary alone confirms each write.
-struct Postponed<'c>(&'c AtomicBool);
+pub(super) struct Postponed<'c>(&'c AtomicBool);
 
 impl Drop for Postponed<'_> {
     fn drop(&mut self) {
@@ -49,8 +35,8 @@ impl Drop for Postponed<'_> {
 }
 
 impl Confirmation {
-    pub(super) fn new(least: WriteConcern, role: Role) -> Self {
-        Self { least, is_shared: role == Role::Shared, is_postponed: AtomicBool::default(), election: Mutex::default() }
+    pub(super) fn new(least: WriteConcern, is_shared: bool) -> Self {
+        Self { least, is_shared, is_postponed: AtomicBool::default(), election: Mutex::default() }
     }
 
     /// The write concern of a single write.
@@ -61,13 +47,13 @@ impl Confirmation {
         }
     }
 
-    fn postpone(&self) -> Postponed<'_> {
+    pub(super) fn postpone(&self) -> Postponed<'_> {
         self.is_postponed.store(true, Ordering::Relaxed);
         Postponed(&self.is_postponed)
     }
 
     /// The write concerns that have to be met for what a client asks.
-    fn needed(&self, asked: Option<&Document>) -> Result<Vec<Document>, QueryError> {
+    pub(super) fn needed(&self, asked: Option<&Document>) -> Result<Vec<Document>, QueryError> {
         let mut least = bson::serialize_to_document(&self.least)?;
         let Some(asked) = asked.filter(|asked| !asked.is_empty()) else { return Ok(vec![least]) };
         match asked_of(asked) {
@@ -81,19 +67,19 @@ impl Confirmation {
         }
     }
 
-    fn known(&self) -> Option<Option<ObjectId>> {
+    pub(super) fn known(&self) -> Option<Option<ObjectId>> {
         let election = *self.election.lock().unwrap_or_else(PoisonError::into_inner);
         election.filter(|(since, _)| since.elapsed() < KNOWN).map(|(_, election)| election)
     }
 
-    fn learn(&self, election: Option<ObjectId>) {
+    pub(super) fn learn(&self, election: Option<ObjectId>) {
         *self.election.lock().unwrap_or_else(PoisonError::into_inner) = Some((Instant::now(), election));
     }
 }
 
 /// Who is to confirm a write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Asked {
+pub(super) enum Asked {
     Nobody,
     /// The primary, a majority, or whoever does by default.
     Usual,
@@ -101,7 +87,7 @@ enum Asked {
     Others,
 }
 
-fn asked_of(concern: &Document) -> Asked {
+pub(super) fn asked_of(concern: &Document) -> Asked {
     let members = match concern.get("w") {
         Some(Bson::Int32(count)) => i64::from(*count),
         Some(Bson::Int64(count)) => *count,
@@ -118,86 +104,28 @@ fn asked_of(concern: &Document) -> Asked {
     }
 }
 
-impl MongoDb {
-    /// Runs writes, and waits until they are confirmed as asked.
-    pub(super) fn wait_for_all(
-        &self,
-        ns: &Namespace,
-        asked: Option<&Document>,
-        work: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Document>, StoreError> {
-        let needed = self.confirmation.needed(asked)?;
-        let election = match self.confirmation.known() {
-            Some(election) => election,
-            None => self.ask_for_election(asked)?,
-        };
-        let postponed = self.confirmation.postpone();
-        let has_written = work();
-        drop(postponed);
-        let mut needed = needed.into_iter().filter(|_| has_written);
-        Ok(needed.find_map(|concern| self.wait(ns, concern, election)))
-    }
-
-    /// Which election made the primary; there is none where the server is no member of a replica set.
-    fn ask_for_election(&self, asked: Option<&Document>) -> Result<Option<ObjectId>, StoreError> {
-        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let hello = hello.map_err(|e| self.explain(&e))?;
-        let is_of_others = asked.is_some_and(|asked| asked_of(asked) == Asked::Others);
-        if is_of_others && !hello.contains_key("setName") && !hello.contains_key("msg") {
-            return Err(QueryError::bad_value("cannot use 'w' > 1 when a host is not replicated").into());
-        }
-        let election = hello.get_object_id("electionId").ok();
-        self.confirmation.learn(election);
-        Ok(election)
-    }
-
-    /// Waits until all that was written is confirmed; returns why it is not.
-    fn wait(&self, ns: &Namespace, concern: Document, before: Option<ObjectId>) -> Option<Document> {
-        let update = doc! { "q": { "_id": { "$in": [] } }, "u": { "$set": { "confirmed": true } } };
-        let mut nothing = doc! { "update": NOTHING, "updates": [update], "writeConcern": concern };
-        if let Some(left) = crate::deadline::left() {
-            nothing.insert("maxTimeMS", i64::try_from(left.as_millis().max(1)).unwrap_or(i64::MAX));
-        }
-        let answer = match self.client().database(&ns.database).run_command(nothing).run() {
-            Ok(answer) => answer,
-            Err(error) => {
-                let code = failure::code(&error).unwrap_or(UNREACHABLE);
-                return Some(doc! { "code": code, "errmsg": self.explain(&error).to_string() });
-            }
-        };
-        let after = answer.get_object_id("electionId").ok();
-        self.confirmation.learn(after);
-        match answer.get_document("writeConcernError") {
-            Ok(error) => Some(error.clone()),
-            Err(_) if before.is_none() || before == after => None,
-            Err(_) => {
-                let message = "another member has become the primary; what was written before that may be lost";
-                Some(doc! { "code": ELECTED, "errmsg": message })
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bson::doc;
 
     #[test]
     fn a_shared_store_waits_for_a_majority_whatever_less_is_asked() {
         let least = WriteConcern::builder().w(Acknowledgment::Majority).journal(true).build();
-        let needed = |role, asked: Document| Confirmation::new(least.clone(), role).needed(Some(&asked)).unwrap();
+        let needed =
+            |is_shared, asked: Document| Confirmation::new(least.clone(), is_shared).needed(Some(&asked)).unwrap();
         let majority = doc! { "w": "majority", "j": true };
         for less in [doc! {}, doc! { "w": 0 }, doc! { "w": 1 }, doc! { "w": "majority" }, doc! { "j": false }] {
-            assert_eq!(needed(Role::Shared, less.clone()), std::slice::from_ref(&majority), "{less}");
+            assert_eq!(needed(true, less.clone()), std::slice::from_ref(&majority), "{less}");
         }
         let timed = doc! { "w": "majority", "j": true, "wtimeout": 5 };
-        assert_eq!(needed(Role::Shared, doc! { "w": 1, "wtimeout": 5 }), [timed]);
+        assert_eq!(needed(true, doc! { "w": 1, "wtimeout": 5 }), [timed]);
         for more in [doc! { "w": 3 }, doc! { "w": "far" }, doc! { "w": { "place": 2 } }] {
-            assert_eq!(needed(Role::Shared, more.clone()), [majority.clone(), more.clone()]);
-            assert_eq!(needed(Role::Local, more.clone()), [more]);
+            assert_eq!(needed(true, more.clone()), [majority.clone(), more.clone()]);
+            assert_eq!(needed(false, more.clone()), [more]);
         }
-        assert_eq!(needed(Role::Local, doc! { "w": 1 }), [doc! { "w": 1 }]);
-        assert_eq!(needed(Role::Local, doc! { "w": 0 }), [] as [Document; 0]);
-        assert_eq!(needed(Role::Local, doc! {}), [majority]);
+        assert_eq!(needed(false, doc! { "w": 1 }), [doc! { "w": 1 }]);
+        assert_eq!(needed(false, doc! { "w": 0 }), [] as [Document; 0]);
+        assert_eq!(needed(false, doc! {}), [majority]);
     }
 }

@@ -21,6 +21,7 @@ mod single_step;
 mod update;
 mod verbs;
 mod visible;
+mod waiting;
 mod watch;
 
 pub use raw::Raw;

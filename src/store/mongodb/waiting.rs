@@ -1,0 +1,81 @@
+//! Waiting until the writes of a client are confirmed as it asks.
+//!
+//! The driver gives no result of a write that is not confirmed, and MongoDB answers both. So the primary alone confirms
+//! each write, and then an update of nothing has the client's write concern: the server waits for all that was written
+//! before it. Where another member has become the primary meanwhile, what was written before may be lost, and is
+//! reported as not confirmed.
+
+use bson::oid::ObjectId;
+use bson::{Document, doc};
+
+use super::confirmation::{Asked, asked_of};
+use super::{MongoDb, failure};
+use crate::query::QueryError;
+use crate::store::{Namespace, StoreError};
+
+/// The collection that the update of nothing is made in; it does not have to be there.
+const NOTHING: &str = "rmem.retries";
+/// The server's code for a write during which another member became the primary.
+const ELECTED: i32 = 11_602;
+/// The server's code for a member that is not reached.
+const UNREACHABLE: i32 = 6;
+
+impl MongoDb {
+    /// Runs writes, and waits until they are confirmed as asked.
+    pub(super) fn wait_for_all(
+        &self,
+        ns: &Namespace,
+        asked: Option<&Document>,
+        work: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Document>, StoreError> {
+        let needed = self.confirmation.needed(asked)?;
+        let election = match self.confirmation.known() {
+            Some(election) => election,
+            None => self.ask_for_election(asked)?,
+        };
+        let postponed = self.confirmation.postpone();
+        let has_written = work();
+        drop(postponed);
+        let mut needed = needed.into_iter().filter(|_| has_written);
+        Ok(needed.find_map(|concern| self.wait(ns, concern, election)))
+    }
+
+    /// Which election made the primary; there is none where the server is no member of a replica set.
+    fn ask_for_election(&self, asked: Option<&Document>) -> Result<Option<ObjectId>, StoreError> {
+        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
+        let hello = hello.map_err(|e| self.explain(&e))?;
+        let is_of_others = asked.is_some_and(|asked| asked_of(asked) == Asked::Others);
+        if is_of_others && !hello.contains_key("setName") && !hello.contains_key("msg") {
+            return Err(QueryError::bad_value("cannot use 'w' > 1 when a host is not replicated").into());
+        }
+        let election = hello.get_object_id("electionId").ok();
+        self.confirmation.learn(election);
+        Ok(election)
+    }
+
+    /// Waits until all that was written is confirmed; returns why it is not.
+    fn wait(&self, ns: &Namespace, concern: Document, before: Option<ObjectId>) -> Option<Document> {
+        let update = doc! { "q": { "_id": { "$in": [] } }, "u": { "$set": { "confirmed": true } } };
+        let mut nothing = doc! { "update": NOTHING, "updates": [update], "writeConcern": concern };
+        if let Some(left) = crate::deadline::left() {
+            nothing.insert("maxTimeMS", i64::try_from(left.as_millis().max(1)).unwrap_or(i64::MAX));
+        }
+        let answer = match self.client().database(&ns.database).run_command(nothing).run() {
+            Ok(answer) => answer,
+            Err(error) => {
+                let code = failure::code(&error).unwrap_or(UNREACHABLE);
+                return Some(doc! { "code": code, "errmsg": self.explain(&error).to_string() });
+            }
+        };
+        let after = answer.get_object_id("electionId").ok();
+        self.confirmation.learn(after);
+        match answer.get_document("writeConcernError") {
+            Ok(error) => Some(error.clone()),
+            Err(_) if before.is_none() || before == after => None,
+            Err(_) => {
+                let message = "another member has become the primary; what was written before that may be lost";
+                Some(doc! { "code": ELECTED, "errmsg": message })
+            }
+        }
+    }
+}
