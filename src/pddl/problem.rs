@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
+use std::sync::OnceLock;
 
 use super::domain::{Domain, check_requirements};
 use super::feature::{Feature, Use, Uses};
@@ -10,6 +11,7 @@ use super::model::{Arg, Fact, Fluent, Formula, Number};
 use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
 use super::table::Table;
+use super::validation::FactTable;
 use super::vocabulary::{ObjectEntry, add_objects};
 use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
 use crate::formats::pddl::{Dialect, RESERVED, Seeded, read_problem};
@@ -42,6 +44,8 @@ pub(super) struct Start {
     pub(super) timed: Vec<(f64, bool, Box<[u32]>)>,
     /// What is said to be false.
     denied: Vec<Box<[u32]>>,
+    /// Where the facts are, once a plan is simulated.
+    table: OnceLock<FactTable>,
 }
 
 /// An object of a problem.
@@ -138,6 +142,11 @@ impl Problem {
             || !self.start.timed.is_empty()
             || used.any(|used| used.feature == Feature::Constraints)
             || self.metric.as_ref().is_some_and(counts_time)
+    }
+
+    /// Does now, perhaps in another thread, what the first simulation of a plan would have to do before it.
+    pub fn prepare(&self) {
+        self.start.table();
     }
 
     /// The times of its timed initial literals, in no order.
@@ -258,6 +267,11 @@ fn counts_time(number: &Number) -> bool {
 }
 
 impl Start {
+    /// Where its facts are.
+    pub(super) fn table(&self) -> &FactTable {
+        self.table.get_or_init(|| FactTable::new(&self.facts))
+    }
+
     fn add(&mut self, element: &Init, resolver: &mut Resolver<'_, '_, '_>) {
         if let Init::Atom(atom) = element
             && let Some(fact) = plain_fact(atom, resolver)

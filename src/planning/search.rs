@@ -91,6 +91,7 @@ impl<'a> PreparedSearch<'a> {
         let pddl = Task { domain: &request.domain, problem: &task.problem };
         let start = Instant::now();
         let meanwhile = || {
+            task.problem.prepare();
             if let Some(into) = &request.options.into {
                 memory.prepare(into);
             }

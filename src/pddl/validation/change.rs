@@ -1,6 +1,5 @@
 //! What an effect changes, collected before anything is changed.
 
-use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 use super::error::EvaluationError;
@@ -127,9 +126,9 @@ impl State<'_> {
             self.derived.replace(None);
         }
         for fact in &changes.deletes {
-            self.facts.remove(fact.as_ref());
+            self.facts.remove(fact);
         }
-        self.facts.extend(changes.adds.into_iter().map(|fact| Cow::Owned(fact.into_vec())));
+        changes.adds.into_iter().for_each(|fact| self.facts.insert(fact));
         for (fluent, update) in changes.values {
             let before = self.value_before(&fluent, update)?;
             let after = match update {

@@ -93,7 +93,7 @@ impl State<'_> {
             self.derive()?;
         }
         let derived = self.derived.borrow();
-        self.facts.iter().map(AsRef::as_ref).for_each(|fact| index.add(fact));
+        self.facts.iter().for_each(|fact| index.add(fact));
         derived.iter().flatten().for_each(|fact| index.add(fact));
         // Of several ways to mend a plan, the same one is found every time.
         index.sort();

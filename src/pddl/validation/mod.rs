@@ -12,6 +12,7 @@
 mod change;
 mod derive;
 mod error;
+mod facts;
 mod goal;
 mod happening;
 mod index;
@@ -33,6 +34,7 @@ mod truth;
 mod verdict;
 
 pub(super) use error::EvaluationError;
+pub(super) use facts::FactTable;
 pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, negative_cycle, predicates};
 

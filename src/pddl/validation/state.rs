@@ -1,11 +1,11 @@
 //! What is true, what has which value, and the objects there are.
 
-use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
 use super::error::EvaluationError;
+use super::facts::Facts;
 use super::program::Program;
 use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
@@ -18,9 +18,6 @@ use crate::pddl::types::TypeSet;
 
 /// A predicate or function with its arguments, by their numbers.
 pub(in crate::pddl) type Ground = Box<[u32]>;
-
-/// The facts that hold; those that the problem has are borrowed from it, as it may have millions.
-pub(in crate::pddl) type Facts<'a> = HashSet<Cow<'a, [u32]>, Seeded>;
 
 /// The slot of a variable without a value.
 pub(in crate::pddl) const UNBOUND: u32 = u32::MAX;
@@ -89,7 +86,7 @@ impl<'a> State<'a> {
             problem,
             looked_at,
             rules_compute: domain.rules.iter().any(|rule| compares(&rule.condition)),
-            facts: problem.start.facts.iter().map(|fact| Cow::Borrowed(fact.as_ref())).collect(),
+            facts: Facts::new(&problem.start.facts, problem.start.table()),
             values,
             derived: RefCell::new(None),
             program: OnceCell::new(),
