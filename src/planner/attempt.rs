@@ -14,9 +14,13 @@ use super::outcome::Outcome;
 use super::run::Run;
 use super::spelling::spelled;
 use super::task::Task;
+use crate::formats::Source;
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::Transcript;
 use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
+
+/// How many bytes a problem has at least that the built-in planner reads while it is checked: less is read in a millisecond.
+const EARLY_SIZE: usize = 1 << 16;
 
 /// Runs a planner on a task. What it cannot do is refused before the run.
 #[must_use]
@@ -30,12 +34,24 @@ pub(super) struct PreparedPlanner<'a> {
     command: Vec<OsString>,
     program: Prepared,
     limits: Limits,
+    /// The domain and the problem with which it runs already.
+    begun: Option<(Source, Source)>,
 }
 
 impl<'a> PreparedPlanner<'a> {
     pub(super) fn new(planner: &'a dyn Planner, limits: &Limits, host: &Host<'_>) -> Self {
         let command = planner.command(host);
-        Self { program: prepare(planner, &command, limits, host), planner, command, limits: *limits }
+        let program = prepare(planner, &command, limits, host);
+        Self { program, planner, command, limits: *limits, begun: None }
+    }
+
+    /// Lets rmem's own planner begin with a large problem before that is checked. Where the task turns out to be wrong, or has
+    /// to be written in another way, the planner is killed.
+    pub(super) fn begin(&mut self, domain: &Source, problem: &Source, host: &Host<'_>) {
+        if self.planner.is_own() && problem.text().len() >= EARLY_SIZE {
+            self.program.begin(&[(DOMAIN_FILE, domain.text()), (PROBLEM_FILE, problem.text())], host);
+            self.begun = Some((domain.clone(), problem.clone()));
+        }
     }
 
     /// Runs it on a task. Of several runs that share their limit of memory, each has a `share`. With `is_for_best`,
@@ -61,6 +77,10 @@ impl<'a> PreparedPlanner<'a> {
         let Some(mut sent) = portable::try_send(domain, problem, planner.requirements(), host.interrupted) else {
             return report(planner, Outcome::Interrupted, String::new(), &[], Ended::default());
         };
+        let begun = self.begun.take().is_some_and(|(domain, problem)| sent.reads_as(domain.text(), problem.text()));
+        if self.program.has_begun() && !begun {
+            self.program = prepare(planner, &self.command, &limits, host);
+        }
         let keeps = is_for_best && planner.is_anytime();
         let kept = |program: Prepared| if keeps { program.kept() } else { program };
         let (mut ended, mut answer) = ask(planner, kept(self.program), &sent, host, share, keeps);
@@ -73,6 +93,10 @@ impl<'a> PreparedPlanner<'a> {
             ended.cpu = ended.cpu.zip(before.cpu).map(|(one, other)| one + other);
             (ended, answer)
         };
+        if begun && answer.complaint.is_some() {
+            // Its places are those of another text.
+            (ended, answer) = ask_again(&self.command, &sent, &ended);
+        }
         let mut is_without_costs = false;
         if refuses_numbers(&answer) && task.has_only_costs() {
             let known = planner.requirements();

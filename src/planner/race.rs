@@ -19,6 +19,7 @@ use super::interface::Planner;
 use super::outcome::Outcome;
 use super::run::Run;
 use super::task::Task;
+use crate::formats::Source;
 use crate::pddl::Plan;
 use crate::process::{Host, Limits, Pool};
 
@@ -74,6 +75,13 @@ impl<'a> Portfolio<'a> {
     pub fn new(planners: &'a [Box<dyn Planner>], limits: &Limits, host: &Host<'_>) -> Self {
         let planners = planners.iter().map(|planner| PreparedPlanner::new(planner.as_ref(), limits, host));
         Self { planners: planners.collect(), limits: *limits }
+    }
+
+    /// Lets a single planner of rmem's own begin with a large problem that is still to be checked.
+    pub fn begin(&mut self, domain: &Source, problem: &Source, host: &Host<'_>) {
+        if let [planner] = self.planners.as_mut_slice() {
+            planner.begin(domain, problem, host);
+        }
     }
 
     /// Lets the planners run against each other; each plan is simulated as soon as it is there. Without

@@ -37,6 +37,8 @@ pub(super) struct Supervisor {
     pending: String,
     /// The program's group.
     group: Option<Pid>,
+    /// Whether the program may be running.
+    is_running: bool,
     /// The run's directory, until it is removed.
     directory: Option<TempDir>,
 }
@@ -83,7 +85,8 @@ impl Supervisor {
             command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
         }
         let process = command.spawn()?;
-        Ok(Self { process, lifeline: ours, pending: String::new(), group: None, directory: Some(directory) })
+        let (pending, directory) = (String::new(), Some(directory));
+        Ok(Self { process, lifeline: ours, pending, group: None, is_running: false, directory })
     }
 
     pub(super) fn place(&self) -> &Path {
@@ -92,6 +95,7 @@ impl Supervisor {
 
     /// Lets the program run.
     pub(super) fn release(&mut self) {
+        self.is_running = true;
         // If the supervisor has ended, waiting for it notices.
         let _ = self.lifeline.write_all(b"go\n");
     }
@@ -104,6 +108,8 @@ impl Supervisor {
         started: Instant,
         share: Option<Share<'_>>,
     ) -> (End, Option<Usage>) {
+        // All ways out of here leave nothing running.
+        self.is_running = false;
         let mut stopped: Option<(End, Instant)> = None;
         loop {
             let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()));
@@ -204,6 +210,21 @@ impl Supervisor {
         let _ = kill_process_group(Pid::from_child(&self.process), Signal::KILL);
     }
 
+    /// Lets the supervisor kill the program, and waits for that.
+    fn kill(&mut self) {
+        let _ = self.lifeline.write_all(b"starve\n");
+        let since = Instant::now();
+        while since.elapsed() < REPORT_TIMEOUT {
+            match self.receive(POLL_INTERVAL) {
+                Ok(None) => self.resume(),
+                Ok(Some(Message::Started(group))) => self.group = group,
+                Ok(Some(Message::Ended(..))) => return,
+                Err(_) => break,
+            }
+        }
+        self.abandon();
+    }
+
     /// Reads what the program left, removes the directory, and releases the supervisor.
     pub(super) fn collect(&mut self, most: u64, reading: &Reading<'_>, wanted: fn(&str) -> Option<u64>) -> Left {
         let stream = |name: &str| reading.text(self.place(), name, most).unwrap_or_default();
@@ -223,6 +244,9 @@ impl Supervisor {
 
 impl Drop for Supervisor {
     fn drop(&mut self) {
+        if self.is_running {
+            self.kill();
+        }
         self.dismiss();
         let _ = self.process.wait();
     }

@@ -81,11 +81,27 @@ pub(crate) struct Prepared {
     wanted: fn(&str) -> Option<u64>,
     /// Whether its result is read also after an interruption.
     is_kept: bool,
+    /// When it began to run, where it did already.
+    begun: Option<Instant>,
 }
 
 impl Prepared {
     pub(crate) fn new(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Self {
-        Self { supervisor: Supervisor::start(job, limits, host), limits: *limits, wanted: job.wanted, is_kept: false }
+        let supervisor = Supervisor::start(job, limits, host);
+        Self { supervisor, limits: *limits, wanted: job.wanted, is_kept: false, begun: None }
+    }
+
+    /// Lets it run already, with texts that are kept. Where it is dropped before its result is wanted, it is killed.
+    pub(crate) fn begin(&mut self, texts: &[(&str, &str)], host: &Host<'_>) {
+        let Ok(supervisor) = &mut self.supervisor else { return };
+        match feed(supervisor, texts, host) {
+            Ok(()) if host.is_interrupted() => {}
+            Ok(()) => {
+                self.begun = Some(Instant::now());
+                supervisor.release();
+            }
+            Err(end) => self.supervisor = Err(end),
+        }
     }
 
     /// The same program, whose result is read also where an interruption ends it.
@@ -93,23 +109,32 @@ impl Prepared {
         Self { is_kept: true, ..self }
     }
 
-    /// Runs it to its end or its limits; the time counts from here. `share` is its part in a limit of memory
-    /// that several runs share. When this returns, neither its processes nor its directory are left; only the
-    /// supervisor may still be on its way out, until what has [`Ended`] is dropped.
+    /// Returns whether it runs already.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
+    /// Runs it to its end or its limits; the time counts from here, or from where it began, with the texts that it had then.
+    /// `share` is its part in a limit of memory that several runs share. When this returns, neither its processes nor its
+    /// directory are left; only the supervisor may still be on its way out, until what has [`Ended`] is dropped.
     pub(crate) fn run(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Ended {
         self.attempt(texts, share, host).unwrap_or_else(|end| Ended { end, ..Ended::default() })
     }
 
     fn attempt(self, texts: &[(&str, &str)], share: Option<Share<'_>>, host: &Host<'_>) -> Result<Ended, End> {
         let (mut supervisor, limits) = (self.supervisor?, self.limits);
-        for (name, text) in texts {
-            write(&supervisor.place().join(name), text, host).map_err(|error| End::no_files(host, &error))?;
-        }
-        if host.is_interrupted() {
-            return Ok(Ended { end: End::Interrupted, ..Ended::default() });
-        }
-        let started = Instant::now();
-        supervisor.release();
+        let started = match self.begun {
+            Some(begun) => begun,
+            None => {
+                feed(&supervisor, texts, host)?;
+                if host.is_interrupted() {
+                    return Ok(Ended { end: End::Interrupted, ..Ended::default() });
+                }
+                let started = Instant::now();
+                supervisor.release();
+                started
+            }
+        };
         let (end, usage) = supervisor.wait(&limits, host, started, share);
         if let Some(share) = share {
             share.release();
@@ -135,6 +160,13 @@ impl Prepared {
             _supervisor: Some(supervisor),
         })
     }
+}
+
+/// Writes the files that the program reads.
+fn feed(supervisor: &Supervisor, texts: &[(&str, &str)], host: &Host<'_>) -> Result<(), End> {
+    let mut texts = texts.iter();
+    let written = texts.try_for_each(|(name, text)| write(&supervisor.place().join(name), text, host));
+    written.map_err(|error| End::no_files(host, &error))
 }
 
 /// Writes a file, unless rmem is interrupted.

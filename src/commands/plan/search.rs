@@ -1,7 +1,7 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
 use std::panic::resume_unwind;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
 
@@ -14,7 +14,8 @@ use super::{show, watch};
 use crate::commands::Context;
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::quantity;
+use crate::formats::{Source, quantity};
+use crate::plan::Input;
 use crate::planner::Planner;
 use crate::planning::{self, PlanRequest, SearchOptions};
 use crate::store::Namespace;
@@ -71,10 +72,22 @@ pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     let planners: Arc<[Box<dyn Planner>]> = planners.into();
     let (options, host) = (options(&args.limits), context.host());
-    // The planners' programs start while the domain is read and the problem is made.
+    // The planners' programs start while the domain is read and the problem is made; the built-in one begins with a large
+    // problem while that is checked.
     thread::scope(|scope| {
-        let starting = scope.spawn(|| planning::start(&planners, &options.limits(), &host));
+        let (sender, texts) = mpsc::channel::<(Source, Source)>();
+        let (planners, options, host) = (&planners, &options, &host);
+        let starting = scope.spawn(move || {
+            let mut portfolio = planning::start(planners, &options.limits(), host);
+            texts.iter().for_each(|(domain, problem)| portfolio.begin(&domain, &problem, host));
+            portfolio
+        });
         let source = source::read(&args.task, context)?;
+        if let (Input::Problem(problem), false) = (&source.input, source.lenient) {
+            // The thread is there until there are no more texts.
+            let _ = sender.send((source.domain.clone(), problem.clone()));
+        }
+        drop(sender);
         let request = PlanRequest::new(source, planners.clone(), options.clone())?;
         let memory = context.memory()?;
         let started = || starting.join().unwrap_or_else(|panic| resume_unwind(panic));

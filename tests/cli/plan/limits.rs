@@ -169,6 +169,36 @@ fn a_killed_rmem_takes_its_planner_along() {
 }
 
 #[test]
+fn a_planner_that_begins_before_a_large_task_is_checked_ends_where_that_is_wrong_or_refused() {
+    let lab = Lab::new();
+    let tmp = lab.path().join("tmp");
+    std::fs::create_dir(&tmp).unwrap();
+    let lab = lab.env("TMPDIR", &tmp.display().to_string());
+    let domain =
+        "(define (domain d) (:predicates (p ?x) (q)) (:action a :parameters (?x) :precondition (p ?x) :effect (q)))";
+    let objects: Vec<String> = (0..8_000).map(|number| format!("object-{number}")).collect();
+    let problem = |first: &str, goal: &str| {
+        let objects = objects.join(" ");
+        format!("(define (problem n) (:domain d) (:objects {first} {objects}) (:init (P {first})) (:goal {goal}))")
+    };
+    let refused = domain.replace(":effect (q)", ":vars (?y) :effect (q)");
+    for (domain, problem, code) in [
+        (domain, problem("it", "(q)"), 0),
+        // A name that is sent as another.
+        (domain, problem("1.it", "(q)"), 0),
+        (domain, problem("it", "(and (q) (r))"), 3),
+        (domain, problem("it", "(q"), 3),
+        (&refused, problem("it", "(q)"), 34),
+    ] {
+        lab.write("d.pddl", domain);
+        lab.write("p.pddl", &problem);
+        let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(code);
+        assert!(code != 0 || run.stdout.starts_with("(a it)\n") || run.stdout.starts_with("(a 1.it)\n"), "{run}");
+        assert_eq!(std::fs::read_dir(&tmp).unwrap().count(), 0, "{run}");
+    }
+}
+
+#[test]
 fn a_wrong_task_leaves_no_files_of_the_planner_prepared_for_it() {
     let lab = Lab::new();
     let tmp = lab.path().join("tmp");

@@ -20,6 +20,7 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
 use crate::formats::pddl::ast::{Domain, Init, Problem};
+use crate::formats::pddl::{Token, Tokens};
 use crate::formats::plan::Action;
 use names::Names;
 
@@ -90,6 +91,12 @@ pub(crate) fn try_send_without_costs(
 }
 
 impl Sent {
+    /// Whether it differs from the texts of a task in white space, comments and letter case alone, so that a planner which does
+    /// not tell letter cases apart reads the same.
+    pub(crate) fn reads_as(&self, domain: &str, problem: &str) -> bool {
+        is_alike(&self.domain, domain) && is_alike(&self.problem, problem)
+    }
+
     /// An action of the planner's in the task's own spelling. A name that was never sent
     /// stays as it is.
     #[must_use]
@@ -103,6 +110,24 @@ impl Sent {
             start: action.start,
             duration: action.duration,
             line: action.line,
+        }
+    }
+}
+
+/// Whether two texts have the same brackets and words, but for letter case.
+fn is_alike(one: &str, other: &str) -> bool {
+    let (mut left, mut right) = (Tokens::new(one, 0), Tokens::new(other, 0));
+    loop {
+        match (left.next_token(), right.next_token()) {
+            (None, None) => return true,
+            (Some(Token::Open(_)), Some(Token::Open(_))) | (Some(Token::Close(_)), Some(Token::Close(_))) => {}
+            (Some(Token::Word(left)), Some(Token::Word(right))) => {
+                let (left, right) = (&one.as_bytes()[left.start..left.end], &other.as_bytes()[right.start..right.end]);
+                if !left.eq_ignore_ascii_case(right) {
+                    return false;
+                }
+            }
+            _ => return false,
         }
     }
 }
@@ -255,6 +280,19 @@ mod tests {
         let names: Vec<String> = (0..40_000).map(|number| format!("ob_{number} x{number}")).collect();
         let read: Vec<&str> = read.objects.iter().map(|object| object.name.as_str()).collect();
         assert_eq!(read.join(" "), names.join(" "));
+    }
+
+    #[test]
+    fn what_is_written_in_the_same_words_reads_as_the_task_does() {
+        let text = "(define (problem n) (:domain nm) ; a comment\n (:objects X Y - t) (:init (P X)) (:goal (q Y)))";
+        let (domain, problem) = task(DOMAIN, text);
+        let sent = send(&domain, &problem, None);
+        assert!(sent.reads_as(DOMAIN, text), "{}", sent.problem);
+        for other in [text.replace("(P X)", "(P Y)"), text.replace("(P X)", "(P X) (P Y)"), text.replace("))", ")")] {
+            assert!(!sent.reads_as(DOMAIN, &other), "{other}");
+        }
+        let (domain, problem) = task(DOMAIN, &text.replace('X', "x.y"));
+        assert!(!send(&domain, &problem, None).reads_as(DOMAIN, &text.replace('X', "x.y")));
     }
 
     #[test]
