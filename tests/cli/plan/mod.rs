@@ -349,6 +349,33 @@ fn a_timed_fact_is_waited_for_also_where_no_action_takes_time() {
     }
 }
 
+#[test]
+fn what_a_timed_literal_takes_away_from_the_goal_is_made_again_after_it() {
+    let lab = Lab::new();
+    let domain =
+        "(define (domain d) (:requirements :durative-actions :timed-initial-literals) (:predicates (lit) (idle))
+      (:durative-action light :parameters () :duration (= ?duration 2) :condition (over all (idle))
+        :effect (at end (lit))))";
+    lab.write("d.pddl", domain);
+    for (timed, plan) in [
+        ("(at 10 (not (lit)))", "8.001: (light) [2.000]\n"),
+        ("(at 10 (not (lit))) (at 10.5 (not (idle)))", "8.001: (light) [2.000]\n"),
+        ("(at 10 (not (lit))) (at 12 (lit))", ""),
+    ] {
+        lab.write("p.pddl", &format!("(define (problem x) (:domain d) (:init (lit) (idle) {timed}) (:goal (lit)))"));
+        let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+        assert!(run.stdout.starts_with(plan) && run.stdout.contains("light") != plan.is_empty(), "{run}");
+        lab.write("plan", &run.stdout);
+        lab.rmem(&["validate", "d.pddl", "p.pddl", "plan"]).exits(0);
+    }
+    let timed = "(at 10 (not (lit))) (at 5 (not (idle)))";
+    lab.write("p.pddl", &format!("(define (problem x) (:domain d) (:init (lit) (idle) {timed}) (:goal (lit)))"));
+    lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(11);
+    // No action makes it again.
+    lab.write("d.pddl", &domain.replace("(at end (lit))", "(at end (idle))"));
+    lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(11);
+}
+
 /// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
 fn tasks() -> Vec<(String, Vec<i32>)> {
     let table = std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/README.md")).unwrap();

@@ -54,6 +54,8 @@ pub struct Timing {
     pub alone: Vec<bool>,
     /// How many resources there are.
     pub resources: usize,
+    /// The operators that are no actions, but happen by themselves: no plan ends later for them.
+    pub happening: Vec<OperatorId>,
     /// How much time a unit of the operators' costs stands for.
     pub unit: u64,
     /// The least time between two operators of which one changes what the other touches.
@@ -114,9 +116,10 @@ impl Timing {
             times.again.retain(|(other, _)| *other != operator);
             times.again.push((operator, start + self.durations[number] + self.gap));
         }
-        // What takes no time happens all the same: at the end, it was.
-        let end = start + self.durations[number].max(1);
-        times.end = end.max(times.end);
+        if !self.happening.contains(&operator) {
+            // What takes no time happens all the same: at the end, it was.
+            times.end = times.end.max(start + self.durations[number].max(1));
+        }
         let price = self.prices.as_ref().and_then(|prices| prices.operators.get(number));
         times.price = times.price.saturating_add(price.copied().unwrap_or(0));
         Some(start)

@@ -24,6 +24,8 @@ pub(super) struct Clock<'a> {
     /// The functions that matter to what happens.
     compared: HashSet<String>,
     windows: Windows<'a>,
+    /// When the actions happen that are timed literals.
+    moments: HashMap<String, u64>,
 }
 
 struct Touched<'a> {
@@ -33,6 +35,8 @@ struct Touched<'a> {
     reads: Vec<Touch<'a>>,
     writes: Vec<Touch<'a>>,
     limits: Vec<Limit<'a>>,
+    /// When it happens by itself.
+    moment: Option<u64>,
 }
 
 /// An atom or a value that a part of an action is about.
@@ -44,16 +48,19 @@ struct Touch<'a> {
 }
 
 impl<'a> Clock<'a> {
-    /// `compared` are the functions that conditions compare, and those that change them.
+    /// `compared` are the functions that conditions compare, and those that change them; `moments` is when actions happen that
+    /// are timed literals.
     pub(super) fn new(
         domain: &'a Domain,
         problem: &'a Problem,
         windows: Windows<'a>,
         compared: HashSet<String>,
+        moments: HashMap<String, u64>,
     ) -> Self {
         let mut clock = Self {
             windows,
             compared,
+            moments,
             actions: HashMap::new(),
             values: problem
                 .init_fluents
@@ -82,6 +89,7 @@ impl<'a> Clock<'a> {
             touched.limits.extend(clock.windows.limits(TimeSpec::Start, &action.precond));
             clock.condition(TimeSpec::Start, &action.precond, false, &mut touched);
             clock.effect(TimeSpec::Start, &action.effect, false, &mut touched);
+            touched.moment = clock.moments.get(&action.name).copied();
             clock.actions.insert(&action.name, touched);
         }
         clock
@@ -245,6 +253,7 @@ impl<'a> Clock<'a> {
             let (reads, writes) = (list(&action.reads), list(&action.writes));
             timing.reads.push(reads);
             timing.writes.push(writes);
+            timing.happening.extend(action.moment.map(|_| operator));
         }
         timing.resources = numbers.len();
         part(&mut timing);
@@ -254,6 +263,9 @@ impl<'a> Clock<'a> {
     /// When an operator may start; `None` where it may at any time.
     fn starts(&self, task: &'a Task, operator: OperatorId, duration: u64) -> Option<Vec<Window>> {
         let (action, binding) = self.instance(task, operator)?;
+        if let Some(moment) = action.moment {
+            return Some(vec![(moment, moment)]);
+        }
         let windows = action.limits.iter().map(|limit| {
             let objects = limit.terms.iter().map(|term| object(term, &binding)).collect();
             self.windows.starts(*limit, objects, duration)
@@ -289,7 +301,8 @@ fn part(timing: &mut Timing) {
 impl<'a> Touched<'a> {
     fn new(parameters: &'a [(String, String)], duration: Option<&'a Duration>) -> Self {
         let parameters = parameters.iter().map(|(name, _)| name.as_str()).collect();
-        Self { parameters, duration, reads: Vec::new(), writes: Vec::new(), limits: Vec::new() }
+        let (reads, writes) = (Vec::new(), Vec::new());
+        Self { parameters, duration, reads, writes, limits: Vec::new(), moment: None }
     }
 }
 

@@ -182,7 +182,7 @@ pub(super) fn conjuncts(formula: &Formula) -> Vec<&Formula> {
 }
 
 /// Whether one of the conditions of an effect is of a kind.
-pub(super) fn looks(effect: &Effect, is_one: &dyn Fn(&Formula) -> bool) -> bool {
+fn looks(effect: &Effect, is_one: &dyn Fn(&Formula) -> bool) -> bool {
     match effect {
         Effect::When(condition, inner) => is_one(condition) || looks(inner, is_one),
         Effect::Forall(_, inner) => looks(inner, is_one),

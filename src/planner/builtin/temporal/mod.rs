@@ -1,12 +1,13 @@
 //! A task whose durative actions need no concurrency, by the search for classical tasks.
 //!
 //! Each durative action becomes an action that happens at once (`compress`). The plan is a right one, one step after the
-//! other; then the steps are moved to where they may start first, by what they touch (`clock`) and by when timed facts
-//! hold (`windows`).
+//! other; then the steps are moved to where they may start first, by what they touch (`clock`) and by when timed
+//! facts hold (`windows`). Timed literals about what actions change, or the goal asks for, are steps as well (`happen`).
 
 mod asked;
 mod clock;
 mod compress;
+mod happen;
 mod snap;
 mod windows;
 
@@ -18,6 +19,7 @@ use ferroplan::{Plan, Step};
 pub(super) use asked::without_own;
 use clock::Clock;
 use compress::compressed;
+use happen::World;
 use snap::snapped;
 use windows::{UNITS, Windows};
 
@@ -57,6 +59,9 @@ pub(super) fn plan(
     if domain.durative_actions.is_empty() && problem.til.is_empty() || !domain.derived.is_empty() {
         return false;
     }
+    let world = World::new(domain, problem);
+    let (domain, problem) = world.as_ref().map_or((domain, problem), |world| (&world.domain, &world.problem));
+    let moments = world.as_ref().map(|world| world.moments.clone()).unwrap_or_default();
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let compared = compared::functions(&joined(domain), problem);
     let flat = compressed(domain).or_else(|| compressed(&without_others(domain, &compared)));
@@ -78,7 +83,7 @@ pub(super) fn plan(
         }
     };
     let work = if task.numbers.count > 0 { NUMERIC_WORK } else { WORK };
-    let clock = Clock::new(domain, problem, windows, compared);
+    let clock = Clock::new(domain, problem, windows, compared, moments);
     let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
     let Some(mut timing) = timing else { return false };
     timing.prices = prices;
@@ -208,7 +213,8 @@ fn estimate(task: &mut Task, timing: &mut Timing) {
 
 fn report(task: &Task, timing: &Timing, plan: &[OperatorId]) -> Option<Plan> {
     let (starts, end) = timing.schedule(plan)?;
-    let mut order: Vec<(u64, OperatorId)> = starts.into_iter().zip(plan.iter().copied()).collect();
+    let steps = starts.into_iter().zip(plan.iter().copied());
+    let mut order: Vec<(u64, OperatorId)> = steps.filter(|(_, step)| !timing.happening.contains(step)).collect();
     order.sort_by_key(|(start, _)| *start);
     let step = |(index, (start, operator)): (usize, &(u64, OperatorId))| {
         let mut words = task.name(*operator).map(str::to_owned);
@@ -231,13 +237,16 @@ fn report(task: &Task, timing: &Timing, plan: &[OperatorId]) -> Option<Plan> {
 mod tests {
     use ferroplan::parser::{parse_domain, parse_problem};
 
+    use super::super::judge::Judge;
     use super::*;
 
     fn plans(domain: &str, problem: &str) -> Vec<Plan> {
+        let judge = Judge::new(domain, problem);
         let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(problem).unwrap());
         let mut plans = Vec::new();
         plan(&domain, &problem, Options::default(), 1 << 26, &mut |message| {
             if let Message::Plan(plan) = message {
+                assert!(judge.is_valid(plan), "{plan:?}");
                 plans.push(plan.clone());
             }
         });
@@ -445,6 +454,49 @@ mod tests {
         assert_eq!(shop("r s", "(at 5 (open))"), [5.001, 5.001]);
         // The first hours are too short for a second order.
         assert_eq!(shop("r", "(open) (at 12 (not (open))) (at 100 (open))"), [0.0, 100.001]);
+    }
+
+    /// A door that closes by itself and is opened by whoever has the time, and a cat that goes through.
+    fn door(init: &str, goal: &str) -> Option<Vec<(f64, String)>> {
+        let domain = "(define (domain door) (:requirements :strips :durative-actions :timed-initial-literals)
+            (:predicates (open) (light) (inside) (outside) (idle))
+            (:durative-action push :parameters () :duration (= ?duration 2) :condition (at start (idle))
+              :effect (and (at start (not (idle))) (at end (open)) (at end (idle))))
+            (:durative-action go :parameters () :duration (= ?duration 3)
+              :condition (and (at start (outside)) (over all (open)) (at start (light)))
+              :effect (and (at start (not (outside))) (at end (inside)))))";
+        let problem = format!("(define (problem cat) (:domain door) (:init (idle) (outside) {init}) (:goal {goal}))");
+        let mut steps = plans(domain, &problem).pop()?.steps;
+        steps.sort_by(|one, other| one.time.unwrap().total_cmp(&other.time.unwrap()));
+        Some(steps.into_iter().map(|step| (step.time.unwrap(), step.action)).collect())
+    }
+
+    #[test]
+    fn what_time_takes_away_is_made_again_after_it() {
+        let step = |time: f64, action: &str| (time, action.to_owned());
+        assert_eq!(door("(open) (at 5 (not (open)))", "(open)"), Some(vec![step(3.001, "PUSH")]));
+        assert_eq!(door("(open) (at 5 (not (open))) (at 7.5 (open))", "(open)"), Some(Vec::new()));
+        assert_eq!(door("(at 1 (open)) (at 9 (not (open)))", "(open)"), Some(vec![step(7.001, "PUSH")]));
+        // The cat is through before it closes, or goes when it was opened again.
+        let through = door("(light) (open) (at 5 (not (open)))", "(and (inside) (open))");
+        assert_eq!(through, Some(vec![step(0.0, "GO"), step(3.001, "PUSH")]));
+        let later = door("(open) (at 2 (light)) (at 5 (not (open)))", "(inside)");
+        assert_eq!(later, Some(vec![step(3.001, "PUSH"), step(5.002, "GO")]));
+    }
+
+    #[test]
+    fn what_time_takes_away_for_good_has_no_plan() {
+        let refuted = |init: &str, goal: &str| {
+            let domain = "(define (domain dusk) (:requirements :strips :durative-actions :timed-initial-literals)
+                (:predicates (light) (seen)) (:durative-action look :parameters () :duration (= ?duration 3)
+                  :condition (over all (light)) :effect (at end (seen))))";
+            let problem = format!("(define (problem day) (:domain dusk) (:init {init}) (:goal {goal}))");
+            let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(&problem).unwrap());
+            (super::refuted(&domain, &problem, 1 << 26, 1_000_000)).is_some()
+        };
+        assert!(refuted("(light) (at 5 (not (light)))", "(and (seen) (light))"));
+        assert!(!refuted("(light) (at 5 (not (light))) (at 6 (light))", "(and (seen) (light))"));
+        assert!(!refuted("(light) (at 5 (not (light)))", "(seen)"));
     }
 
     /// Washing takes as long as it takes, and what it needs.

@@ -7,11 +7,13 @@
 //!
 //! - A start asks for what must hold at the start, and an end for what must hold at the end. Between them the action is
 //!   entered, which asks for what must hold over all: at some moment between two happenings all of it holds.
-//! - Timed initial literals happen in their order, at any time.
+//! - Timed initial literals happen in their order, at any time, and all of them before the goal is looked at.
 //! - An action that starts while it runs already, with the same objects, may from then on end without having ended.
 //! - Preferences and constraints are left out: they only forbid.
 
 use ferroplan::types::{Action, Domain, Duration, DurativeAction, Effect, Expr, Formula, Problem, Term, TimeSpec};
+
+use super::happen::happen;
 
 /// Returns the classical task; `None` where its plans would not stand for those of the temporal one.
 pub(super) fn snapped(domain: &Domain, problem: &Problem) -> Option<(Domain, Problem)> {
@@ -27,7 +29,7 @@ pub(super) fn snapped(domain: &Domain, problem: &Problem) -> Option<(Domain, Pro
         flat.predicates.extend(names.clone().map(|name| (name, kinds.clone())));
         flat.actions.extend(parts(&action, &names, (domain, problem)));
     }
-    happen(&mut flat, &mut instance);
+    happen(&mut flat, &mut instance, |time| time);
     (flat.constraints, instance.constraints, instance.metric) = (Vec::new(), Vec::new(), None);
     Some((flat, instance))
 }
@@ -100,31 +102,4 @@ fn sets(effect: &Effect, function: &str) -> bool {
         Effect::When(_, inner) | Effect::Forall(_, inner) => sets(inner, function),
         Effect::Add(..) | Effect::Del(..) => false,
     }
-}
-
-/// Makes actions of timed initial literals, those of one moment together.
-fn happen(flat: &mut Domain, instance: &mut Problem) {
-    let mut literals = std::mem::take(&mut instance.til);
-    // Of what is taken away and brought at once, it holds that it was brought.
-    literals.sort_by(|one, other| one.time.total_cmp(&other.time).then(one.add.cmp(&other.add)));
-    let clock = |count: usize| format!("CLOCK {count}");
-    for (count, moment) in literals.chunk_by(|one, other| one.time == other.time).enumerate() {
-        let mut effects: Vec<Effect> = moment
-            .iter()
-            .map(|literal| {
-                let terms = literal.args.iter().map(|name| Term::Const(name.clone())).collect();
-                match literal.add {
-                    true => Effect::Add(literal.pred.clone(), terms),
-                    false => Effect::Del(literal.pred.clone(), terms),
-                }
-            })
-            .collect();
-        effects.push(Effect::Del(clock(count), Vec::new()));
-        effects.push(Effect::Add(clock(count + 1), Vec::new()));
-        let now = Formula::Atom(clock(count), Vec::new());
-        flat.actions.push(plain(&format!("HAPPEN {count}"), Vec::new(), vec![now], effects));
-        flat.predicates.push((clock(count), Vec::new()));
-        flat.predicates.push((clock(count + 1), Vec::new()));
-    }
-    instance.init_atoms.push((clock(0), Vec::new()));
 }

@@ -7,13 +7,13 @@ use std::collections::{HashMap, HashSet};
 
 use ferroplan::types::{Domain, Effect, Formula, Problem, Term, TimeSpec};
 
-use super::compress::{changed, conjuncts, looks, predicates};
+use super::compress::{changed, conjuncts, predicates};
 
 /// Units of time in a second: plans are written in thousandths.
 pub(super) const UNITS: f64 = 1000.0;
 
 /// Moments that are closer to each other are one to the validator, in units.
-const SAME_MOMENT: f64 = 0.002;
+pub(super) const SAME_MOMENT: f64 = 0.002;
 
 /// From the first to the last moment.
 pub(super) type Window = (u64, u64);
@@ -57,7 +57,7 @@ pub(super) struct Windows<'a> {
 }
 
 impl<'a> Windows<'a> {
-    /// The windows of a task; `None` where timed facts are more than conditions of actions, one by one.
+    /// The windows of a task; `None` where timed facts are more than conditions of actions, one by one ([`entangled`]).
     pub(super) fn new(domain: &'a Domain, problem: &'a Problem) -> Option<Self> {
         let mut windows = Self::default();
         let mut literals: Vec<_> = problem.til.iter().collect();
@@ -86,34 +86,7 @@ impl<'a> Windows<'a> {
             let next = (time + SAME_MOMENT).floor() as u64 + 1;
             own.push(Stretch { since: time, window: (next, u64::MAX), holds: literal.add });
         }
-        windows.are_conditions(domain, problem).then_some(windows)
-    }
-
-    fn are_conditions(&self, domain: &Domain, problem: &Problem) -> bool {
-        if self.predicates.is_empty() {
-            return true;
-        }
-        let durative = domain.durative_actions.iter();
-        let conditions = durative.clone().flat_map(|action| action.conditions.iter().map(|(_, condition)| condition));
-        let mut conditions = conditions.chain(domain.actions.iter().map(|action| &action.precond));
-        let effects = durative.flat_map(|action| action.effects.iter().map(|(_, effect)| effect));
-        let mut effects = effects.chain(domain.actions.iter().map(|action| &action.effect));
-        conditions
-            .all(|condition| conjuncts(condition).into_iter().all(|part| literal(part).is_some() || !self.is_in(part)))
-            && !effects.any(|effect| self.is_touched(effect))
-            && !self.is_in(&problem.goal)
-    }
-
-    fn is_in(&self, formula: &Formula) -> bool {
-        let mut is_in = false;
-        predicates(formula, &mut |name| is_in |= self.predicates.contains(&name));
-        is_in
-    }
-
-    /// Whether an effect changes a timed fact, or depends on one.
-    fn is_touched(&self, effect: &Effect) -> bool {
-        changed(effect).iter().any(|name| self.predicates.contains(name))
-            || looks(effect, &|condition| self.is_in(condition))
+        entangled(domain, problem).is_empty().then_some(windows)
     }
 
     /// The task in which timed facts do not matter where they have to be false, and what holds at any time holds from
@@ -166,6 +139,42 @@ impl<'a> Windows<'a> {
             TimeSpec::All => Some((from, to.checked_sub(duration)?)),
         };
         windows.into_iter().filter_map(shift).filter(|(from, to)| from <= to).collect()
+    }
+}
+
+/// The predicates of timed literals that are more than conditions of actions, one by one: actions change them, the goal asks
+/// for them, or other conditions and effects depend on them.
+pub(super) fn entangled<'a>(domain: &'a Domain, problem: &'a Problem) -> HashSet<&'a str> {
+    let timed: HashSet<&str> = problem.til.iter().map(|literal| literal.pred.as_str()).collect();
+    if timed.is_empty() {
+        return timed;
+    }
+    let mut found: Vec<&str> = Vec::new();
+    let durative = domain.durative_actions.iter();
+    let conditions = durative.clone().flat_map(|action| action.conditions.iter().map(|(_, condition)| condition));
+    for condition in conditions.chain(domain.actions.iter().map(|action| &action.precond)) {
+        let others = conjuncts(condition).into_iter().filter(|part| literal(part).is_none());
+        others.for_each(|part| predicates(part, &mut |name| found.push(name)));
+    }
+    let effects = durative.flat_map(|action| action.effects.iter().map(|(_, effect)| effect));
+    for effect in effects.chain(domain.actions.iter().map(|action| &action.effect)) {
+        found.extend(changed(effect));
+        looked_at(effect, &mut |name| found.push(name));
+    }
+    predicates(&problem.goal, &mut |name| found.push(name));
+    found.into_iter().filter(|name| timed.contains(name)).collect()
+}
+
+/// Calls `each` with every predicate of the conditions of an effect.
+fn looked_at<'e>(effect: &'e Effect, each: &mut dyn FnMut(&'e str)) {
+    match effect {
+        Effect::When(condition, inner) => {
+            predicates(condition, each);
+            looked_at(inner, each);
+        }
+        Effect::Forall(_, inner) => looked_at(inner, each),
+        Effect::And(inner) => inner.iter().for_each(|part| looked_at(part, each)),
+        Effect::Add(..) | Effect::Del(..) | Effect::Num(..) => {}
     }
 }
 
