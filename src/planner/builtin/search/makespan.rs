@@ -11,6 +11,7 @@ use std::collections::{BinaryHeap, HashMap};
 
 use super::axiom::Axioms;
 use super::relaxed::{Costs, Relaxed};
+use super::reservoir::{Draw, Reservoir};
 use super::state::{NO_STATE, Space, StateId};
 use super::successor::{Generator, apply, holds};
 use super::task::{Fact, OperatorId, Task};
@@ -54,6 +55,10 @@ pub struct Timing {
     pub alone: Vec<bool>,
     /// How many resources there are.
     pub resources: usize,
+    /// What each operator does to numbers that it shares; none of those that are not listed.
+    pub draws: Vec<Vec<Draw>>,
+    /// What these numbers are at first.
+    pub levels: Vec<f64>,
     /// The operators that are no actions, but happen by themselves: no plan ends later for them.
     pub happening: Vec<OperatorId>,
     /// How much time a unit of the operators' costs stands for.
@@ -78,6 +83,7 @@ pub struct Prices {
 struct Times {
     read: Vec<u64>,
     written: Vec<u64>,
+    reservoirs: Vec<Reservoir>,
     /// From when the operators that are kept from running twice at once may start again, of those that ran. There are few
     /// on the way to a state, and many in a task.
     again: Vec<(OperatorId, u64)>,
@@ -88,7 +94,14 @@ struct Times {
 
 impl Timing {
     fn begin(&self) -> Times {
-        Times { read: vec![0; self.resources], written: vec![0; self.resources], again: Vec::new(), end: 0, price: 0 }
+        Times {
+            read: vec![0; self.resources],
+            written: vec![0; self.resources],
+            reservoirs: self.levels.iter().map(|level| Reservoir::new(*level)).collect(),
+            again: Vec::new(),
+            end: 0,
+            price: 0,
+        }
     }
 
     /// Adds an operator as early as it may start; returns when that is, or `None` where it is too late for it.
@@ -101,10 +114,7 @@ impl Timing {
         let writes = self.writes[number].iter().map(|touch| touched(touch).saturating_sub(touch.from));
         let again = times.again.iter().filter(|(other, _)| *other == operator).map(|(_, from)| *from);
         let earliest = reads.chain(writes).chain(again).max().unwrap_or(0);
-        let start = match self.windows.get(&operator) {
-            None => earliest,
-            Some(windows) => windows.iter().find(|(_, to)| earliest <= *to)?.0.max(earliest),
-        };
+        let start = self.start(times, operator, earliest)?;
         for touch in &self.reads[number] {
             let read = &mut times.read[touch.resource as usize];
             *read = (start + touch.to + self.gap).max(*read);
@@ -116,6 +126,9 @@ impl Timing {
             times.again.retain(|(other, _)| *other != operator);
             times.again.push((operator, start + self.durations[number] + self.gap));
         }
+        for draw in self.draws(operator) {
+            times.reservoirs[draw.number as usize].add(draw, start, self.durations[number], self.gap);
+        }
         if !self.happening.contains(&operator) {
             // What takes no time happens all the same: at the end, it was.
             times.end = times.end.max(start + self.durations[number].max(1));
@@ -123,6 +136,28 @@ impl Timing {
         let price = self.prices.as_ref().and_then(|prices| prices.operators.get(number));
         times.price = times.price.saturating_add(price.copied().unwrap_or(0));
         Some(start)
+    }
+
+    /// The first moment from `earliest` on that windows and shared numbers leave for an operator.
+    fn start(&self, times: &Times, operator: OperatorId, earliest: u64) -> Option<u64> {
+        let mut earliest = earliest;
+        loop {
+            let start = match self.windows.get(&operator) {
+                None => earliest,
+                Some(windows) => windows.iter().find(|(_, to)| earliest <= *to)?.0.max(earliest),
+            };
+            let duration = self.durations[operator as usize];
+            earliest = self.draws(operator).iter().try_fold(start, |start, draw| {
+                times.reservoirs[draw.number as usize].earliest(draw, start, duration, self.gap)
+            })?;
+            if earliest == start {
+                return Some(start);
+            }
+        }
+    }
+
+    fn draws(&self, operator: OperatorId) -> &[Draw] {
+        self.draws.get(operator as usize).map_or(&[], Vec::as_slice)
     }
 
     /// Returns when each step of a plan starts, and when the last one ends; `None` where one misses its windows.
@@ -247,7 +282,7 @@ impl<'a> Search<'a> {
         let mut state = task.init.clone();
         self.axioms.derive(task, &mut state);
         self.reach(NO_STATE, 0, &state, self.timing.begin(), *best, found);
-        let size = self.timing.resources * 16 + task.len() / 8 + 100;
+        let size = self.timing.resources * 16 + self.timing.levels.len() * 64 + task.len() / 8 + 100;
         let mut next = state.clone();
         let mut applicable = Vec::new();
         let mut turn = 0;
@@ -311,7 +346,10 @@ impl<'a> Search<'a> {
             self.nodes.push(Node { times, left });
         } else {
             let node = &mut self.nodes[id as usize];
-            let rank = |times: &Times| (self.timing.value(times), times.written.iter().sum::<u64>());
+            let wait = |times: &Times| {
+                times.written.iter().sum::<u64>() + times.reservoirs.iter().map(Reservoir::wait).sum::<u64>()
+            };
+            let rank = |times: &Times| (self.timing.value(times), wait(times));
             if rank(&times) >= rank(&node.times) {
                 return None;
             }

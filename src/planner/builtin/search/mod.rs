@@ -19,6 +19,7 @@ pub mod number;
 mod open;
 mod prove;
 mod relaxed;
+pub mod reservoir;
 mod shorten;
 #[cfg(test)]
 pub(super) mod simulate;

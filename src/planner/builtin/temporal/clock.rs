@@ -5,8 +5,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use ferroplan::types::{Domain, Duration, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
 use super::compress::is_momentary;
+use super::shared::{self, Sharing};
 use super::windows::{Limit, UNITS, Window, Windows, intersected};
 use crate::planner::builtin::search::makespan::{self, Timing};
+use crate::planner::builtin::search::reservoir::Draw;
 use crate::planner::builtin::search::task::{OperatorId, Task};
 
 /// A ground atom or the value of a function for some objects, or, of a predicate or function that occurs under a quantifier,
@@ -23,6 +25,8 @@ pub(super) struct Clock<'a> {
     changed: HashSet<&'a str>,
     /// The functions that matter to what happens.
     compared: HashSet<String>,
+    /// Those of them that actions may share.
+    shared: HashSet<&'a str>,
     windows: Windows<'a>,
     /// When the actions happen that are timed literals.
     moments: HashMap<String, u64>,
@@ -35,6 +39,7 @@ struct Touched<'a> {
     reads: Vec<Touch<'a>>,
     writes: Vec<Touch<'a>>,
     limits: Vec<Limit<'a>>,
+    sharing: Vec<Sharing<'a>>,
     /// When it happens by itself.
     moment: Option<u64>,
 }
@@ -61,6 +66,7 @@ impl<'a> Clock<'a> {
             windows,
             compared,
             moments,
+            shared: HashSet::new(),
             actions: HashMap::new(),
             values: problem
                 .init_fluents
@@ -91,6 +97,13 @@ impl<'a> Clock<'a> {
             clock.effect(TimeSpec::Start, &action.effect, false, &mut touched);
             touched.moment = clock.moments.get(&action.name).copied();
             clock.actions.insert(&action.name, touched);
+        }
+        clock.shared = shared::functions(domain, &clock.changed);
+        clock.shared.retain(|name| clock.compared.contains(*name));
+        for (name, sharing) in shared::of_actions(domain, &clock.shared) {
+            if let Some(touched) = clock.actions.get_mut(name) {
+                touched.sharing = sharing;
+            }
         }
         clock
     }
@@ -224,6 +237,7 @@ impl<'a> Clock<'a> {
     /// What the operators of a task touch; `None` where one has no duration.
     pub(super) fn timing(&self, task: &'a Task) -> Option<Timing> {
         let mut numbers: HashMap<Resource, u32> = HashMap::new();
+        let mut levels: HashMap<(&str, Vec<&str>), u32> = HashMap::new();
         let mut timing = Timing { gap: 1, ..Timing::default() };
         for operator in 0..task.operators.len() as OperatorId {
             let (action, binding) = self.instance(task, operator)?;
@@ -234,7 +248,8 @@ impl<'a> Clock<'a> {
             }
             let mut list = |touches: &[Touch<'a>]| {
                 let mut spans: BTreeMap<u32, (u64, u64)> = BTreeMap::new();
-                for touch in touches.iter().filter(|touch| self.changed.contains(touch.name)) {
+                let counts = |name: &str| self.changed.contains(name) && !self.shared.contains(name);
+                for touch in touches.iter().filter(|touch| counts(touch.name)) {
                     let is_coarse = self.coarse.contains(touch.name);
                     let arguments =
                         touch.terms.iter().filter(|_| !is_coarse).map(|term| object(term, &binding).to_owned());
@@ -254,6 +269,20 @@ impl<'a> Clock<'a> {
             timing.reads.push(reads);
             timing.writes.push(writes);
             timing.happening.extend(action.moment.map(|_| operator));
+            let mut draws: BTreeMap<u32, Draw> = BTreeMap::new();
+            for sharing in &action.sharing {
+                let objects: Vec<&str> = sharing.terms.iter().map(|term| object(term, &binding)).collect();
+                let key = (sharing.name, objects);
+                let level = self.values.get(&key).copied().unwrap_or_default();
+                let number = *levels.entry(key).or_insert_with(|| {
+                    timing.levels.push(level);
+                    timing.levels.len() as u32 - 1
+                });
+                // What compares with what has no value is never applicable.
+                let value = self.value(sharing.amount, &binding).unwrap_or_default();
+                sharing.add(value, draws.entry(number).or_insert_with(|| Draw { number, ..Draw::default() }));
+            }
+            timing.draws.push(draws.into_values().collect());
         }
         timing.resources = numbers.len();
         part(&mut timing);
@@ -292,17 +321,18 @@ impl<'a> Clock<'a> {
 /// Says which operators the schedule has to keep from running twice at once: those that change nothing for all of their
 /// time.
 fn part(timing: &mut Timing) {
-    let is_alone = |(writes, to): (&Vec<makespan::Touch>, &u64)| {
-        !writes.is_empty() && !writes.iter().any(|touch| touch.from == 0 && touch.to == *to)
+    let is_alone = |((writes, draws), to): ((&Vec<makespan::Touch>, &Vec<Draw>), &u64)| {
+        let is_changing = !writes.is_empty() || draws.iter().any(|draw| draw.at_start != 0.0 || draw.at_end != 0.0);
+        is_changing && !writes.iter().any(|touch| touch.from == 0 && touch.to == *to)
     };
-    timing.alone = timing.writes.iter().zip(&timing.durations).map(is_alone).collect();
+    timing.alone = timing.writes.iter().zip(&timing.draws).zip(&timing.durations).map(is_alone).collect();
 }
 
 impl<'a> Touched<'a> {
     fn new(parameters: &'a [(String, String)], duration: Option<&'a Duration>) -> Self {
         let parameters = parameters.iter().map(|(name, _)| name.as_str()).collect();
         let (reads, writes) = (Vec::new(), Vec::new());
-        Self { parameters, duration, reads, writes, limits: Vec::new(), moment: None }
+        Self { parameters, duration, reads, writes, limits: Vec::new(), sharing: Vec::new(), moment: None }
     }
 }
 

@@ -167,7 +167,8 @@ fn unify(left: &[Term], right: &[Term]) -> Option<Vec<Formula>> {
     Some(equalities)
 }
 
-fn parts(effect: &Effect) -> Vec<&Effect> {
+/// The effects that happen together.
+pub(super) fn parts(effect: &Effect) -> Vec<&Effect> {
     match effect {
         Effect::And(inner) => inner.iter().flat_map(parts).collect(),
         other => vec![other],

@@ -1,13 +1,14 @@
 //! A task whose durative actions need no concurrency, by the search for classical tasks.
 //!
 //! Each durative action becomes an action that happens at once (`compress`). The plan is a right one, one step after the
-//! other; then the steps are moved to where they may start first, by what they touch (`clock`) and by when timed
+//! other; then the steps are moved to where they may start first, by what they touch (`clock`, `shared`) and by when timed
 //! facts hold (`windows`). Timed literals about what actions change, or the goal asks for, are steps as well (`happen`).
 
 mod asked;
 mod clock;
 mod compress;
 mod happen;
+mod shared;
 mod snap;
 mod windows;
 
@@ -384,7 +385,7 @@ mod tests {
         let problem =
             "(define (problem two) (:domain fill) (:objects p q - pump) (:init (dry p) (dry q) (= (litres) 0))
             (:goal (>= (litres) 2)))";
-        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(2.001));
+        assert_eq!(plans(domain, problem).last().and_then(|plan| plan.makespan), Some(2.0));
     }
 
     /// A tank of which two may draw a litre each, with what holds of it meanwhile, and what they do to it.
@@ -404,11 +405,45 @@ mod tests {
     }
 
     #[test]
-    fn what_is_given_back_is_taken_by_one_after_the_other() {
+    fn what_is_given_back_is_taken_by_as_many_at_once_as_it_is_enough_for() {
         let borrow = "(at start (decrease (litres) 1)) (at end (increase (litres) 1))";
         assert_eq!(tank(1, "", borrow), Some(10.001));
+        assert_eq!(tank(2, "", borrow), Some(5.001));
+        assert_eq!(tank(2, "(at start (<= (litres) 1))", borrow), None);
+        // What is set is no sum.
+        assert_eq!(
+            tank(2, "", "(at start (decrease (litres) 1)) (at end (full p)) (at end (assign (litres) 2))"),
+            None
+        );
         assert_eq!(tank(1, "", "(at start (decrease (litres) 1))"), None);
         assert_eq!(tank(2, "", "(at start (decrease (litres) 1))"), Some(5.001));
+    }
+
+    #[test]
+    fn two_workers_do_three_jobs_in_the_time_of_two() {
+        let workshop = |workers: &str, job: &str| {
+            let domain = format!(
+                "(define (domain workshop) (:requirements :strips :typing :durative-actions :numeric-fluents) (:types job)
+                (:predicates (done ?j - job)) (:functions (workers) (need ?j - job))
+                (:durative-action work :parameters (?j - job) :duration (= ?duration 3) {job}
+                (:action hire :parameters () :precondition (< (workers) 1) :effect (increase (workers) 1)))"
+            );
+            let problem = format!(
+                "(define (problem three) (:domain workshop) (:objects a b c - job)
+                (:init (= (workers) {workers}) (= (need a) 1) (= (need b) 1) (= (need c) 2))
+                (:goal (and (done a) (done b) (done c))))"
+            );
+            plans(&domain, &problem).last()?.makespan
+        };
+        let one = ":condition (at start (<= 1 (workers)))
+            :effect (and (at start (decrease (workers) 1)) (at end (increase (workers) 1)) (at end (done ?j))))";
+        assert_eq!(workshop("2", one), Some(6.002));
+        assert_eq!(workshop("3", one), Some(3.002));
+        assert_eq!(workshop("0", one), Some(9.003), "one is hired");
+        let needed = ":condition (at start (>= (workers) (need ?j)))
+            :effect (and (at start (decrease (workers) (need ?j))) (at end (increase (workers) (need ?j))) (at end (done ?j))))";
+        assert_eq!(workshop("2", needed), Some(6.002));
+        assert_eq!(workshop("3", needed), Some(6.001));
     }
 
     #[test]
