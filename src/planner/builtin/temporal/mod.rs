@@ -46,6 +46,9 @@ const MOST: f64 = 1e6;
 /// The work for a plan, after which ferroplan has its turn.
 const WORK: u64 = 2_000_000_000;
 
+/// The same where timed literals are steps of the plan: the search has to find their places as well.
+const TIMED_WORK: u64 = 200_000_000;
+
 /// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
 const HASTE: u64 = 12_000_000;
 
@@ -83,7 +86,11 @@ pub(super) fn plan(
             (task, None)
         }
     };
-    let work = if task.numbers.count > 0 { NUMERIC_WORK } else { WORK };
+    let work = match task.numbers.count {
+        0 if world.is_some() => TIMED_WORK,
+        0 => WORK,
+        _ => NUMERIC_WORK,
+    };
     let clock = Clock::new(domain, problem, windows, compared, moments);
     let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
     let Some(mut timing) = timing else { return false };
