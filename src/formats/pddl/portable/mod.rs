@@ -8,6 +8,7 @@
 //! The plan comes back in the spelling of the domain and the problem; where they
 //! differ, the problem's wins.
 
+mod alike;
 mod costs;
 mod durative;
 mod either;
@@ -20,8 +21,8 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
 use crate::formats::pddl::ast::{Domain, Init, Problem};
-use crate::formats::pddl::{Token, Tokens};
 use crate::formats::plan::Action;
+use alike::is_alike;
 use names::Names;
 
 /// A task as it is sent, and the way back.
@@ -91,7 +92,7 @@ pub(crate) fn try_send_without_costs(
 }
 
 impl Sent {
-    /// Whether it differs from the texts of a task in white space, comments and letter case alone, so that a planner which does
+    /// Whether it differs from the texts of a task in white space, comments, letter case and how often types are named alone, so that a planner which does
     /// not tell letter cases apart reads the same.
     pub(crate) fn reads_as(&self, domain: &str, problem: &str) -> bool {
         is_alike(&self.domain, domain) && is_alike(&self.problem, problem)
@@ -110,24 +111,6 @@ impl Sent {
             start: action.start,
             duration: action.duration,
             line: action.line,
-        }
-    }
-}
-
-/// Whether two texts have the same brackets and words, but for letter case.
-fn is_alike(one: &str, other: &str) -> bool {
-    let (mut left, mut right) = (Tokens::new(one, 0), Tokens::new(other, 0));
-    loop {
-        match (left.next_token(), right.next_token()) {
-            (None, None) => return true,
-            (Some(Token::Open(_)), Some(Token::Open(_))) | (Some(Token::Close(_)), Some(Token::Close(_))) => {}
-            (Some(Token::Word(left)), Some(Token::Word(right))) => {
-                let (left, right) = (&one.as_bytes()[left.start..left.end], &other.as_bytes()[right.start..right.end]);
-                if !left.eq_ignore_ascii_case(right) {
-                    return false;
-                }
-            }
-            _ => return false,
         }
     }
 }
@@ -288,6 +271,8 @@ mod tests {
         let (domain, problem) = task(DOMAIN, text);
         let sent = send(&domain, &problem, None);
         assert!(sent.reads_as(DOMAIN, text), "{}", sent.problem);
+        assert!(sent.reads_as(DOMAIN, &text.replace("X Y - t", "X - t Y - T")), "{}", sent.problem);
+        assert!(!sent.reads_as(DOMAIN, &text.replace("X Y - t", "X Y")), "{}", sent.problem);
         for other in [text.replace("(P X)", "(P Y)"), text.replace("(P X)", "(P X) (P Y)"), text.replace("))", ")")] {
             assert!(!sent.reads_as(DOMAIN, &other), "{other}");
         }
