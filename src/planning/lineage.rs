@@ -16,9 +16,8 @@ impl PlanningTask {
     }
 }
 
-/// The lineage of what a search gave.
-pub(super) fn lineage(request: &PlanRequest, task: &PlanningTask, race: &Race, run: &Run) -> Lineage {
-    let mut lineage = task.lineage(request.source.clone());
+/// The lineage of what a search gave, from that of its task ([`PlanningTask::lineage`]).
+pub(super) fn lineage(mut lineage: Lineage, request: &PlanRequest, race: &Race, run: &Run) -> Lineage {
     lineage.planner.clone_from(&run.planner);
     lineage.version.clone_from(&run.version);
     lineage.arguments.clone_from(&run.command);

@@ -8,7 +8,7 @@ use super::lineage::lineage;
 use super::{PlanRequest, PlanningError, PlanningTask};
 use crate::memory::Memory;
 use crate::pddl::{Feature, Structure};
-use crate::plan::{self, PrintedPlan, Record, Repository};
+use crate::plan::{self, Lineage, PrintedPlan, Record, Repository};
 use crate::planner::{Outcome, Race, Run};
 use crate::problem::names;
 use crate::store::{Namespace, metadata};
@@ -20,6 +20,8 @@ pub struct PlanResult<'a> {
     race: Race,
     run: Run,
     time: Duration,
+    /// That of the task.
+    lineage: Lineage,
     document: Document,
 }
 
@@ -33,13 +35,20 @@ pub enum Note {
 }
 
 impl<'a> PlanResult<'a> {
-    pub(super) fn new(request: &'a PlanRequest, task: PlanningTask, race: Race, run: Run, time: Duration) -> Self {
+    pub(super) fn new(
+        request: &'a PlanRequest,
+        task: PlanningTask,
+        lineage: Lineage,
+        race: Race,
+        run: Run,
+        time: Duration,
+    ) -> Self {
         let layout = request.options.layout;
         let document = match &run.outcome {
             Outcome::Plan(plan) => plan::to_document(plan, request.domain.tree(), layout, &|name| task.value(name)),
             other => plan::failure(other.word(), layout),
         };
-        Self { request, task, race, run, time, document }
+        Self { request, task, race, run, time, lineage, document }
     }
 
     /// The problem that was planned for.
@@ -150,7 +159,7 @@ impl<'a> PlanResult<'a> {
     /// The plan or the failure with its lineage, as it is stored under an id.
     #[must_use]
     pub fn record(&self, id: Option<&str>) -> Record {
-        let lineage = lineage(self.request, &self.task, &self.race, &self.run);
+        let lineage = lineage(self.lineage.clone(), self.request, &self.race, &self.run);
         let mut document: Document = id.map(|id| ("_id".to_owned(), id.into())).into_iter().collect();
         document.extend(self.document.clone());
         document.insert(metadata::INFO, doc! { "lineage": lineage.to_document() });

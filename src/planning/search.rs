@@ -90,8 +90,11 @@ impl<'a> PreparedSearch<'a> {
         let Self { request, portfolio, task } = self;
         let pddl = Task { domain: &request.domain, problem: &task.problem };
         let start = Instant::now();
+        let mut lineage = None;
         let meanwhile = || {
             task.problem.prepare();
+            // The texts may be long, and are hashed.
+            lineage = Some(task.lineage(request.source.clone()));
             if let Some(into) = &request.options.into {
                 memory.prepare(into);
             }
@@ -108,6 +111,7 @@ impl<'a> PreparedSearch<'a> {
             return Err(StoreError::Failed { address, reason }.into());
         }
         run.explain(&pddl);
-        Ok(PlanResult::new(request, task, race, run, time))
+        let lineage = lineage.unwrap_or_else(|| task.lineage(request.source.clone()));
+        Ok(PlanResult::new(request, task, lineage, race, run, time))
     }
 }
