@@ -8,6 +8,7 @@
 
 mod axiom;
 mod domain;
+mod facts;
 mod feature;
 mod happenings;
 mod model;

@@ -6,12 +6,12 @@ use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
 
 use super::domain::{Domain, check_requirements};
+use super::facts::FactTable;
 use super::feature::{Feature, Use, Uses};
 use super::model::{Arg, Fact, Fluent, Formula, Number};
 use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
 use super::table::Table;
-use super::validation::FactTable;
 use super::vocabulary::{ObjectEntry, add_objects};
 use crate::formats::pddl::ast::{self, Assigner, Atom, Expression, Init, Place, Term};
 use crate::formats::pddl::{Dialect, RESERVED, Seeded, read_problem};

@@ -12,7 +12,6 @@
 mod change;
 mod derive;
 mod error;
-mod facts;
 mod goal;
 mod happening;
 mod index;
@@ -34,7 +33,6 @@ mod truth;
 mod verdict;
 
 pub(super) use error::EvaluationError;
-pub(super) use facts::FactTable;
 pub(super) use state::{Bindings, Ground, State, UNBOUND};
 pub(super) use stratum::{free_slots, negative_cycle, predicates};
 

@@ -5,13 +5,13 @@ use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
 use super::error::EvaluationError;
-use super::facts::Facts;
 use super::program::Program;
 use super::record::{Pending, Violations, counts_violations};
 use super::stratum::{compares, predicates};
 use super::trace::Happening;
 use crate::formats::pddl::Seeded;
 use crate::pddl::domain::Domain;
+use crate::pddl::facts::Facts;
 use crate::pddl::model::{Arg, Formula};
 use crate::pddl::problem::Problem;
 use crate::pddl::types::TypeSet;

@@ -3,22 +3,24 @@
 use std::collections::HashSet;
 use std::hash::BuildHasher as _;
 
-use super::state::Ground;
 use crate::formats::pddl::Seeded;
+
+/// A predicate with its arguments, by their numbers.
+type Ground = Box<[u32]>;
 
 /// A free place.
 const FREE: u32 = u32::MAX;
 
 /// Where the facts of an initial state are in their list. It is made once, however many plans are simulated.
 #[derive(Debug, Clone)]
-pub(in crate::pddl) struct FactTable {
+pub(super) struct FactTable {
     hasher: Seeded,
     /// Open addressing; a power of two of places, at most half of which are taken.
     places: Vec<u32>,
 }
 
 impl FactTable {
-    pub(in crate::pddl) fn new(facts: &[Ground]) -> Self {
+    pub(super) fn new(facts: &[Ground]) -> Self {
         let mut table = Self { hasher: Seeded::default(), places: vec![FREE; (facts.len() * 2).next_power_of_two()] };
         for (number, fact) in (0_u32..).zip(facts) {
             let place = table.place(facts, fact);
@@ -46,7 +48,7 @@ impl FactTable {
 
 /// A set of facts.
 #[derive(Clone)]
-pub(in crate::pddl) struct Facts<'a> {
+pub(super) struct Facts<'a> {
     initial: &'a [Ground],
     table: &'a FactTable,
     /// Facts of the initial state that do not hold any more.
@@ -57,7 +59,7 @@ pub(in crate::pddl) struct Facts<'a> {
 
 impl<'a> Facts<'a> {
     /// The facts of an initial state, with their table.
-    pub(in crate::pddl) fn new(initial: &'a [Ground], table: &'a FactTable) -> Self {
+    pub(super) fn new(initial: &'a [Ground], table: &'a FactTable) -> Self {
         Self { initial, table, gone: HashSet::default(), new: HashSet::default() }
     }
 
@@ -65,7 +67,7 @@ impl<'a> Facts<'a> {
         self.table.number(self.table.place(self.initial, fact)).is_some()
     }
 
-    pub(in crate::pddl) fn contains(&self, fact: &[u32]) -> bool {
+    pub(super) fn contains(&self, fact: &[u32]) -> bool {
         self.new.contains(fact) || self.is_initial(fact) && !self.gone.contains(fact)
     }
 
