@@ -15,7 +15,7 @@ use super::origin::Origin;
 use super::request::too_long;
 use super::server::Server;
 use super::statements::Repeatable;
-use super::writer::write_alone;
+use super::write;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
@@ -113,7 +113,7 @@ impl<'m> Host<'m> {
             && !self.has_cursors()
             && let Some(_turn) = self.server.writer.own_turn(self.id)
         {
-            return write_alone(&self.server, memory, &ns, once, work);
+            return write::alone(&self.server, memory, &ns, once, work);
         }
         let claim = Claim::default();
         let begun = claim.clone();

@@ -50,6 +50,7 @@ mod tls;
 mod transaction;
 mod turns;
 mod wire;
+mod write;
 mod writer;
 mod writer_context;
 

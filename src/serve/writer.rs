@@ -3,14 +3,13 @@
 //! While a write waits for the disk, others queue; the next write takes them all, each as a step that
 //! fails alone, and is made durable by one sync. So the more clients write, the less each waits. A
 //! transaction of several commands has the thread for itself until it ends. Where one client alone writes, it does so in
-//! its own thread ([`write_alone`]), and this one waits for its turn.
+//! its own thread ([`super::write::alone`]), and this one waits for its turn.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-use super::attempt::attempt;
 use super::failure::{Answer, Failure, codes};
 use super::host::Lazy;
 use super::job::{Job, Work};
@@ -18,9 +17,9 @@ use super::mailbox::Reply;
 use super::panic;
 use super::retry;
 use super::server::Server;
-use super::session::{Finished, Once};
 use super::statements::Repeatable;
 use super::transaction;
+use super::write;
 use super::writer_context::WriterContext;
 use crate::memory::Memory;
 use crate::store::Namespace;
@@ -98,8 +97,7 @@ impl WriterContext<'_> {
             let is_shared = memory.is_shared(&ns);
             let work = &mut || {
                 while let Some(Write { ns, once, work, reply }) = next.take() {
-                    let answer = attempt(memory, &ns, |memory| write(self.server, memory, &ns, once, work));
-                    answers.push((reply, answer));
+                    answers.push((reply, write::step(self.server, memory, &ns, once, work)));
                     if answers.len() < MOST && since.elapsed() < MAX_GROUP_DELAY {
                         next = self.companion(memory, is_shared);
                     }
@@ -148,41 +146,6 @@ impl WriterContext<'_> {
         }
         self.server.expire_streams();
     }
-}
-
-/// Does a write by itself, in the thread of its client.
-pub(super) fn write_alone(
-    server: &Server,
-    memory: &Memory,
-    ns: &Namespace,
-    once: Option<Repeatable>,
-    work: impl FnOnce(&Memory) -> Answer,
-) -> Answer {
-    server.check_files()?;
-    let answer = attempt(memory, ns, |memory| write(server, memory, ns, once, work));
-    server.check_files()?;
-    server.hub.call();
-    answer
-}
-
-/// A step of a transaction; where it fails, it has done nothing.
-fn write(
-    server: &Server,
-    memory: &Memory,
-    ns: &Namespace,
-    once: Option<Repeatable>,
-    work: impl FnOnce(&Memory) -> Answer,
-) -> Answer {
-    if let Some(write) = &once {
-        retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?;
-    }
-    let answer = panic::caught(|| work(memory))?;
-    once.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
-    server.clock.wrote();
-    if let Some(Repeatable { once: Once { session, number }, .. }) = once {
-        server.sessions.finish(&session, Finished::write(number));
-    }
-    Ok(answer)
 }
 
 struct Write {

@@ -157,7 +157,7 @@ fn a_file_that_cannot_be_written_can_be_read() {
 }
 
 #[test]
-fn a_write_that_fails_leaves_no_trace() {
+fn an_update_that_fails_keeps_what_it_changed_before_but_not_in_a_step() {
     let store = Embedded::in_memory().unwrap();
     let documents = (0..10).map(|n| doc! { "_id": n, "n": if n == 7 { "text".into() } else { Bson::Int32(n) } });
     store.insert(&blocks(), documents.collect()).unwrap();
@@ -167,8 +167,16 @@ fn a_write_that_fails_leaves_no_trace() {
         many: true,
         ..rmem::store::UpdateRequest::default()
     };
-    assert!(matches!(store.update(&blocks(), &request, None), Err(StoreError::Query(error)) if error.code == 14));
-    assert_eq!(store.count(&blocks(), (&doc! { "n": { "$gte": 100 } }).into()).unwrap(), 0);
+    let is_at_fault = |error: &StoreError| {
+        let StoreError::Partial { done: 7, source } = error else { return false };
+        matches!(&**source, StoreError::Query(error) if error.code == 14)
+    };
+    let changed = || store.count(&blocks(), (&doc! { "n": { "$gte": 100 } }).into()).unwrap();
+    let step = store.atomically(&mut || store.update(&blocks(), &request, None).map(drop));
+    assert!(step.is_err_and(|error| is_at_fault(&error)));
+    assert_eq!(changed(), 0);
+    assert!(store.update(&blocks(), &request, None).is_err_and(|error| is_at_fault(&error)));
+    assert_eq!(changed(), 7);
     store.insert(&blocks(), vec![doc! { "_id": 10 }]).unwrap();
 }
 

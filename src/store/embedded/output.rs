@@ -11,10 +11,9 @@ use bson::{Bson, DateTime, Document, RawBsonRef, RawDocument, RawDocumentBuf, do
 use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::Indexed;
-use super::pipeline::named;
 use super::scan::Found;
 use super::slices::{Slice, failed};
-use crate::query::{Filter, Merge, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
+use crate::query::{Filter, Merge, Origin, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
 use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
 
 /// MongoDB's code where `$merge` finds no unique index on the fields of `on`.
@@ -34,6 +33,12 @@ const IMMUTABLE_FIELD: i32 = 66;
 
 /// The results of a pipeline.
 pub(super) type Results<'a> = &'a mut dyn Iterator<Item = Result<RawDocumentBuf, StoreError>>;
+
+/// The collection that a pipeline over `ns` names.
+pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {
+    let database = origin.database.as_ref().unwrap_or(&ns.database);
+    Namespace { database: database.clone(), collection: origin.collection.clone() }
+}
 
 impl Embedded {
     /// Writes the results of a pipeline over `ns`.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bson::{DateTime, Document};
 
 use super::Embedded;
-use super::output::check_merged;
+use super::output::{check_merged, named};
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
 use crate::query::{Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
@@ -149,11 +149,6 @@ fn first_filter(stages: &[Document]) -> Document {
         Err(_) => stage.get_document("$match").ok().cloned(),
     };
     stages.iter().find(|stage| !is_empty_match(stage)).and_then(matched).unwrap_or_default()
-}
-
-pub(super) fn named(origin: &Origin, ns: &Namespace) -> Namespace {
-    let database = origin.database.as_ref().unwrap_or(&ns.database);
-    Namespace { database: database.clone(), collection: origin.collection.clone() }
 }
 
 #[cfg(test)]

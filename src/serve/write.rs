@@ -1,0 +1,49 @@
+//! One write: done once, however often it is sent, and where it fails, it has done nothing.
+
+use super::attempt::attempt;
+use super::failure::Answer;
+use super::panic;
+use super::retry;
+use super::server::Server;
+use super::session::{Finished, Once};
+use super::statements::Repeatable;
+use crate::memory::Memory;
+use crate::store::Namespace;
+
+/// Does a write by itself, in the thread of its client.
+pub(super) fn alone(
+    server: &Server,
+    memory: &Memory,
+    ns: &Namespace,
+    repeatable: Option<Repeatable>,
+    work: impl FnOnce(&Memory) -> Answer,
+) -> Answer {
+    server.check_files()?;
+    let answer = step(server, memory, ns, repeatable, work);
+    server.check_files()?;
+    server.hub.call();
+    answer
+}
+
+/// Does a write, as one of several that are made durable together where there is a transaction.
+pub(super) fn step(
+    server: &Server,
+    memory: &Memory,
+    ns: &Namespace,
+    repeatable: Option<Repeatable>,
+    work: impl FnOnce(&Memory) -> Answer,
+) -> Answer {
+    if let Some(write) = &repeatable {
+        retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?;
+    }
+    let answer = attempt(memory, ns, |memory| {
+        let answer = panic::caught(|| work(memory))?;
+        repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
+        Ok(answer)
+    })?;
+    server.clock.wrote();
+    if let Some(Repeatable { once: Once { session, number }, .. }) = repeatable {
+        server.sessions.finish(&session, Finished::write(number));
+    }
+    Ok(answer)
+}
