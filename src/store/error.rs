@@ -43,8 +43,8 @@ pub enum StoreError {
         /// What went wrong.
         source: Box<StoreError>,
     },
-    /// A change of several documents failed at one of them.
-    #[error("only {}", match done { 1 => "1 document was changed, and stays so".to_owned(), done => format!("{done} documents were changed, and stay so") })]
+    /// A change of several documents ended early.
+    #[error("failed after {}; what was done stays", documents(*done))]
     Partial {
         /// How many documents were changed.
         done: u64,
@@ -76,7 +76,7 @@ pub enum StoreError {
         fault: Fault,
     },
     /// The user interrupted a change of many documents.
-    #[error("interrupted{}", match done { 0 => "; nothing was changed".to_owned(), 1 => " after 1 document; what was done stays".to_owned(), done => format!(" after {done} documents; what was done stays") })]
+    #[error("interrupted{}", match done { 0 => "; nothing was changed".to_owned(), done => format!(" after {}; what was done stays", documents(*done)) })]
     Interrupted {
         /// How many documents were changed.
         done: u64,
@@ -107,6 +107,10 @@ pub enum StoreError {
     },
 }
 
+fn documents(count: u64) -> String {
+    if count == 1 { "1 document".to_owned() } else { format!("{count} documents") }
+}
+
 impl AtFault for StoreError {
     fn fault(&self) -> Fault {
         match self {
@@ -134,11 +138,11 @@ impl StoreError {
         Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }
     }
 
-    /// The error of a change of several documents that ended early, after `done` of them.
+    /// The error of a change of several documents that ended early, after `done` of them, which stay changed.
     pub(crate) fn after(self, done: u64) -> Self {
         match self {
             Self::Interrupted { .. } => Self::Interrupted { done },
-            source if done > 0 && source.is_of_document() => Self::Partial { done, source: Box::new(source) },
+            source if done > 0 => Self::Partial { done, source: Box::new(source) },
             other => other,
         }
     }

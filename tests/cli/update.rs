@@ -68,12 +68,12 @@ fn update_and_delete_change_one_document_and_say_how_many_more_match() {
 }
 
 #[test]
-fn an_update_that_fails_at_a_document_keeps_those_before_and_says_how_many() {
+fn a_change_that_fails_at_a_document_keeps_those_before_and_says_how_many() {
     let lab = three_documents();
     lab.rmem(&["update", "robmem.worldmodel", "{_id: 3}", "{$set: {n: 'many'}}"]).success();
     assert_run!(lab.rmem(&["update", "robmem.worldmodel", "{}", "{$inc: {n: 1}}", "--many"]), @r#"
     ------- stderr -------
-    error: only 2 documents were changed, and stay so
+    error: failed after 2 documents; what was done stays
       caused by: <update>:1:2: cannot apply $inc to a value of non-numeric type: "many", in the field `n`
       |
     1 | {$inc: {n: 1}}
@@ -84,6 +84,21 @@ fn an_update_that_fails_at_a_document_keeps_those_before_and_says_how_many() {
     {"_id":1,"n":4}
     {"_id":2,"n":5}
     {"_id":3,"n":"many"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    // The query fails at it, too.
+    assert_run!(lab.rmem(&["delete", "robmem.worldmodel", "{$expr: {$gte: [{$add: ['$n', 1]}, 0]}}", "--many"]), @r#"
+    ------- stderr -------
+    error: failed after 2 documents; what was done stays
+      caused by: <query>:1:18: $add only supports numeric types, not string
+      |
+    1 | {$expr: {$gte: [{$add: ['$n', 1]}, 0]}}
+      |                  ^^^^
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem(&["count", "robmem.worldmodel"]), @r#"
+    1
     ------- stderr -------
     [exit code: 0]
     "#);

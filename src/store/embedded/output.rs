@@ -1,8 +1,9 @@
 //! `$out` and `$merge`: the results of a pipeline into a collection.
 //!
-//! `$merge` changes one document after the other, as on MongoDB, which sends them to itself in unordered batches: where it fails
-//! at one, the others of its batch are changed all the same, and none behind them; a result without a value to merge on is found
-//! before any is changed. `$out` takes the place of the collection at the end ([`super::staged`]); where it fails, nothing is changed.
+//! `$merge` changes one document after the other where it is not a part of a transaction, as on MongoDB, which sends them to
+//! itself in unordered batches: where it fails at one, the others of its batch are changed all the same, and none behind them;
+//! a result without a value to merge on is found before any is changed. `$out` takes the place of the collection at the end
+//! ([`super::staged`]); where it fails, nothing is changed.
 
 use std::sync::Arc;
 
@@ -13,6 +14,7 @@ use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::scan::Found;
 use super::slices::{Slice, failed};
+use crate::interrupt::InterruptGuard;
 use crate::query::{Filter, Merge, Origin, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
 use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
 
@@ -21,8 +23,10 @@ const NO_UNIQUE_INDEX: i32 = 51_183;
 /// MongoDB's code where `$merge` finds no document and is to fail then.
 const NO_MATCH: i32 = 13_113;
 
-/// How many documents MongoDB sends to itself at once.
+/// How many documents MongoDB sends to itself at once …
 const BATCH: u64 = 100_000;
+/// … and how many bytes of them.
+const BATCH_SIZE: usize = 16 << 20;
 
 /// The code of a document without a value to merge on.
 const MISSING_ON: i32 = 51_132;
@@ -68,8 +72,11 @@ impl Embedded {
 
     /// Merges results into a collection, in slices that let other processes write in between.
     fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
-        let (mut is_swept, mut tried, mut changed, mut first) = (false, 0_u64, 0, None);
-        let failure = self.in_slices(&mut |limit| {
+        let _guard = InterruptGuard::stopping();
+        let (mut is_swept, mut batch, mut changed, mut kept) = (false, Batch::default(), 0, 0);
+        let mut first = None;
+        let done = self.in_slices(&mut |limit| {
+            kept = changed;
             let collection = self.ensure(ns)?;
             if !std::mem::replace(&mut is_swept, true) {
                 self.sweep(ns, collection)?;
@@ -77,11 +84,11 @@ impl Embedded {
             let indexes = self.indexes_of(collection)?;
             let target = Target { ns, collection, index: unique_on(&indexes, merge)? };
             for result in &mut *results {
-                if first.is_some() && tried.is_multiple_of(BATCH) {
+                let result = result?;
+                if batch.begins_anew(result.as_bytes().len()) && first.is_some() {
                     break;
                 }
-                tried += 1;
-                let result = Document::try_from(&*result?).map_err(QueryError::from)?;
+                let result = Document::try_from(&*result).map_err(QueryError::from)?;
                 match self.merge_one(&target, merge, result, now) {
                     Ok(is_changed) => changed += u64::from(is_changed),
                     Err(error) if error.is_of_document() => drop(first.get_or_insert(error)),
@@ -95,8 +102,12 @@ impl Embedded {
                 None => Ok(Slice::Last),
                 Some(error) => failed(error, changed),
             }
-        })?;
-        failure.map_or(Ok(()), |failure| Err(failure.after(changed)))
+        });
+        match done {
+            Ok(None) => Ok(()),
+            Ok(Some(failure)) => Err(failure.after(changed)),
+            Err(failure) => Err(failure.after(kept)),
+        }
     }
 
     /// The document that a result belongs to.
@@ -166,6 +177,26 @@ impl Embedded {
         }
         let kind = if update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update };
         self.rewrite(ns, collection, &found, &changed, kind).map(|()| true)
+    }
+}
+
+/// What MongoDB would send to itself at once.
+#[derive(Default)]
+struct Batch {
+    count: u64,
+    bytes: usize,
+}
+
+impl Batch {
+    /// Adds a document of this size; says whether it is the first of another batch.
+    fn begins_anew(&mut self, size: usize) -> bool {
+        let is_full = self.count == BATCH || self.bytes + size > BATCH_SIZE;
+        if is_full {
+            *self = Self::default();
+        }
+        self.count += 1;
+        self.bytes += size;
+        is_full
     }
 }
 
@@ -314,5 +345,15 @@ mod tests {
         let error = merge(&store, doc! { "whenNotMatched": "fail" }).unwrap_err();
         assert!(matches!(error, StoreError::Query(_)), "{error:?}");
         assert_eq!(store.collections().unwrap(), [from()]);
+    }
+
+    #[test]
+    fn a_batch_is_full_by_its_size_too() {
+        let mut batch = Batch::default();
+        let begins: Vec<bool> = [6 << 20, 6 << 20, 6 << 20, 20 << 20].map(|size| batch.begins_anew(size)).into();
+        assert_eq!(begins, [false, false, true, true]);
+        let mut batch = Batch::default();
+        assert_eq!((0..BATCH).filter(|_| batch.begins_anew(10)).count(), 0);
+        assert!(batch.begins_anew(10));
     }
 }

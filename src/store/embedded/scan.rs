@@ -50,6 +50,10 @@ pub(super) struct Scan<'a> {
     filter: Arc<Filter>,
     rest: Rest,
     page: VecDeque<Found>,
+    /// Whether matches before a document at which the filter fails are found first.
+    is_up_to_failure: bool,
+    /// That failure, until they are.
+    failure: Option<StoreError>,
     page_documents: usize,
     /// More matches than this are not asked for.
     most: usize,
@@ -151,6 +155,8 @@ impl<'a> Scan<'a> {
             page_documents: if matches!(rest, Rest::Listed(_)) { PAGE_DOCUMENTS } else { 1 },
             rest,
             page: VecDeque::new(),
+            is_up_to_failure: false,
+            failure: None,
             most: usize::MAX,
             is_sorted: chosen.is_sorted,
             examined: Rc::new(examined),
@@ -167,6 +173,8 @@ impl<'a> Scan<'a> {
             page_documents: PAGE_DOCUMENTS,
             rest: Rest::Between(behind, last),
             page: VecDeque::new(),
+            is_up_to_failure: false,
+            failure: None,
             most: usize::MAX,
             is_sorted: false,
             examined: Rc::default(),
@@ -177,6 +185,11 @@ impl<'a> Scan<'a> {
     /// The same matches, of which a second thread may read a part; not for what writes while it reads.
     pub(super) fn shared(self) -> Self {
         Self { sharing: Sharing::where_long(false), ..self }
+    }
+
+    /// The same matches, those before a document at which the filter fails among them: for what changes one after the other.
+    pub(super) fn up_to_failure(self) -> Self {
+        Self { is_up_to_failure: true, ..self }
     }
 
     /// The same matches, of which no more than so many are asked for.
@@ -377,11 +390,15 @@ impl Iterator for Scan<'_> {
                 return Some(Ok(found));
             }
             if matches!(self.rest, Rest::Nothing) {
-                return None;
+                return self.failure.take().map(Err);
             }
-            if let Err(error) = self.turn() {
-                self.page.clear();
-                return Some(Err(error));
+            match self.turn() {
+                Err(error) if self.is_up_to_failure && error.is_of_document() => self.failure = Some(error),
+                Err(error) => {
+                    self.page.clear();
+                    return Some(Err(error));
+                }
+                Ok(()) => {}
             }
         }
     }

@@ -91,8 +91,9 @@ impl Embedded {
         otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
     ) -> Result<Met, StoreError> {
         let Selection { most, hint, is_sweeping } = selection;
-        let (mut open, mut met) = (None, Met::default());
-        let failure = self.in_slices(&mut |limit| {
+        let (mut open, mut met, mut kept) = (None, Met::default(), 0);
+        let done = self.in_slices(&mut |limit| {
+            kept = met.changed;
             let Some(collection) = self.collection(ns)? else { return end(met, otherwise) };
             if open.is_none() && is_sweeping {
                 self.sweep(ns, collection)?;
@@ -104,14 +105,15 @@ impl Embedded {
                 }
                 None => {
                     let most = usize::try_from(most).unwrap_or(usize::MAX);
-                    let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most);
+                    let scan =
+                        Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most).up_to_failure();
                     let (id, scan) = open.insert((collection.id, scan));
                     (*id, scan)
                 }
             };
             while met.matched < most && id == collection.id {
                 let Some(found) = scan.next() else { break };
-                match work(collection, &found?) {
+                match found.and_then(|found| work(collection, &found)) {
                     Ok(is_changed) => met.changed += u64::from(is_changed),
                     Err(error) => return failed(error, met.changed),
                 }
@@ -121,10 +123,11 @@ impl Embedded {
                 }
             }
             end(met, otherwise)
-        })?;
-        match failure {
-            None => Ok(met),
-            Some(failure) => Err(failure.after(met.changed)),
+        });
+        match done {
+            Ok(None) => Ok(met),
+            Ok(Some(failure)) => Err(failure.after(met.changed)),
+            Err(failure) => Err(failure.after(kept)),
         }
     }
 
