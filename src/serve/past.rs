@@ -26,6 +26,9 @@ pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: rea
         let message = format!("Command {name} does not support {{ readConcern: {{ level: \"snapshot\" }} }}");
         return Err(Failure::new(codes::INVALID_OPTIONS, message));
     }
+    if name == "aggregate" {
+        check_pipeline(&call)?;
+    }
     if !host.memory()?.is_current(ns)? {
         return Err(unavailable("readConcern snapshot is for databases in a file; this one is on a MongoDB server"));
     }
@@ -39,6 +42,27 @@ pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: rea
     let begins = asked.is_none().then_some((ns, command));
     let answer = reading::run(host, &once, &Arc::new(call), begins).map_err(|_| gone())?;
     dated(answer.ok_or_else(gone)??, time)
+}
+
+/// Refuses pipelines that read no snapshot, or write.
+fn check_pipeline(call: &Call) -> Result<(), Failure> {
+    let invalid = |message: String| Err(Failure::new(codes::INVALID_OPTIONS, message));
+    let fields = call.request.fields();
+    if fields.strict_flag("explain")? {
+        return invalid("Explain for the aggregate command cannot run with a readConcern other than local".to_owned());
+    }
+    let stages = fields.documents("pipeline")?.unwrap_or_default();
+    let names: Vec<_> = stages.iter().filter_map(|stage| stage.keys().next()).map(String::as_str).collect();
+    match (names.first(), names.last()) {
+        (Some(&"$changeStream"), _) => {
+            invalid("$changeStream cannot run with a readConcern of level snapshot; it takes majority".to_owned())
+        }
+        (_, Some(name @ (&"$out" | &"$merge"))) => invalid(format!(
+            "{name} cannot run with a readConcern of level snapshot: nothing can be written in a snapshot; run it \
+             outside of the session"
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// What the thread of a snapshot is known by: its session is no transaction's.

@@ -136,10 +136,12 @@ impl Request {
         Origin { session: self.session.clone(), transaction }
     }
 
-    /// Whether it is to read a snapshot, and is of no transaction.
+    /// Whether it is to read a snapshot, and is of no transaction. A cursor goes on in the snapshot that it was opened in,
+    /// whatever `getMore` says of it.
     pub(super) fn reads_snapshot(&self) -> bool {
         let concern = self.body.get_document("readConcern");
-        !self.is_in_transaction() && concern.is_ok_and(|concern| concern.get_str("level").ok() == Some("snapshot"))
+        let is_own = !self.is_in_transaction() && self.name != "getMore";
+        is_own && concern.is_ok_and(|concern| concern.get_str("level").ok() == Some("snapshot"))
     }
 
     /// The time of the snapshot that it is to read, where it names one.

@@ -4,7 +4,7 @@ use bson::{Bson, Document, Timestamp, doc};
 use libtest_mimic::Failed;
 
 use super::wire::Wire;
-use super::{Case, Served};
+use super::{Case, Served, code};
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("a_session_with_a_snapshot_reads_what_was_there_at_its_first_read", driven),
@@ -28,6 +28,9 @@ fn driven() -> Result<(), Failed> {
     let mut later = client.start_session().snapshot(true).run()?;
     assert_eq!(things.count_documents(doc! { "n": 2 }).session(&mut later).run()?, 4);
     assert!(things.insert_one(doc! { "_id": 4 }).session(&mut session).run().is_err());
+    assert_eq!(code(things.watch().session(&mut session).run()), Some(72));
+    let out = things.aggregate([doc! { "$out": "copy" }]).session(&mut session).run();
+    assert!(out.err().is_some_and(|error| error.to_string().contains("nothing can be written in a snapshot")));
     Ok(())
 }
 
@@ -55,6 +58,18 @@ fn by_time() -> Result<(), Failed> {
     run(doc! { "insert": "c", "documents": [{ "_id": 9 }] }, None)?;
     let more = run(doc! { "getMore": cursor.get_i64("id")?, "collection": "c" }, None)?;
     assert_eq!([ids(&first, "firstBatch")?, ids(&more, "nextBatch")?].concat(), [0, 1, 2, 3, 4]);
+    // Some drivers say with each batch which snapshot it is of.
+    let of_all =
+        doc! { "aggregate": "c", "pipeline": [{ "$match": { "_id": { "$gte": 0 } } }], "cursor": { "batchSize": 2 } };
+    for command in [doc! { "find": "c", "batchSize": 2 }, of_all] {
+        let first = run(command, at(time))?;
+        let cursor = first.get_document("cursor")?.get_i64("id")?;
+        let second = run(doc! { "getMore": cursor, "collection": "c", "batchSize": 2 }, at(time))?;
+        let third = run(doc! { "getMore": cursor, "collection": "c", "batchSize": 2 }, at(time))?;
+        let found = [ids(&first, "firstBatch")?, ids(&second, "nextBatch")?, ids(&third, "nextBatch")?];
+        assert_eq!(found.concat(), [0, 1, 2, 3, 4]);
+        assert_eq!(third.get_document("cursor")?.get_i64("id")?, 0);
+    }
     // A command that fails ends nothing.
     let code = |answer: Document| answer.get_i32("code").ok();
     assert_eq!(code(run(doc! { "find": "c", "filter": { "$bad": 1 } }, at(time))?), Some(2));
@@ -64,6 +79,9 @@ fn by_time() -> Result<(), Failed> {
     for command in ["count", "insert", "listIndexes", "ping"] {
         assert_eq!(code(run(doc! { command: "c" }, snapshot())?), Some(72), "{command}");
     }
+    let explained = doc! { "aggregate": "c", "pipeline": [], "cursor": {}, "explain": true };
+    assert_eq!(code(run(explained, snapshot())?), Some(72));
+    assert_eq!(code(run(doc! { "explain": { "find": "c" } }, snapshot())?), Some(72));
     let future = Timestamp { time: time.time + 1000, increment: 1 };
     assert_eq!(code(run(doc! { "find": "c" }, at(future))?), Some(72));
     let values = run(doc! { "distinct": "c", "key": "_id" }, snapshot())?;
