@@ -3,8 +3,12 @@
 //! A driver that lost its connection does not know whether its write was done, and sends it again with the same
 //! session and number. What its statements did is kept in the collection `rmem.retries` of the database, in
 //! the write itself: a server that is killed and started again knows it, too.
+//!
+//! A record is `{_id: SESSION, number, at, done: [RUN, …]}`. Where `done` does not fit into a document, it is cut into
+//! parts `{_id: {session, part}, number, at, bytes}`, of which the record has the count (`parts`).
 
-use bson::{DateTime, Document, doc};
+use bson::spec::BinarySubtype;
+use bson::{Binary, Bson, DateTime, Document, doc};
 
 use super::access::RECORDS;
 use super::failure::{Failure, codes};
@@ -13,6 +17,8 @@ use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::{Find, Namespace, StoreError};
 
+/// At most so many bytes of `done` are in one document, which has 16 MiB at most.
+const LARGEST_PART: usize = 8 << 20;
 /// How long it is kept: longer than a session lives.
 const KEPT: i64 = 40 * 60 * 1000;
 
@@ -38,16 +44,43 @@ pub(super) fn recall(
     let Some(record) = record(memory, ns, &once.session)? else { return Ok(()) };
     match record.get_i64("number").unwrap_or_default() {
         number if number > once.number => Err(too_old(once, number)),
-        number if number == once.number => {
-            statements.recall(record.get_array("done").map(Vec::as_slice).unwrap_or_default())
-        }
+        number if number == once.number => statements.recall(&done(memory, ns, once, &record)?),
         _ => Ok(()),
     }
 }
 
 fn record(memory: &Memory, ns: &Namespace, session: &SessionId) -> Result<Option<Document>, Failure> {
+    kept(memory, ns, session.to_bson())
+}
+
+/// What the statements of a write did, as its record or its parts have it.
+fn done(memory: &Memory, ns: &Namespace, once: &Once, record: &Document) -> Result<Vec<Bson>, Failure> {
+    let Ok(parts) = record.get_i32("parts") else {
+        return Ok(record.get_array("done").cloned().unwrap_or_default());
+    };
+    let damaged = || Failure::new(codes::INTERNAL, format!("what was kept of a write of {} is damaged", once.session));
+    let mut bytes = Vec::new();
+    for part in 0..parts {
+        let part = kept(memory, ns, part_id(once, part))?.ok_or_else(damaged)?;
+        if part.get_i64("number").ok() != Some(once.number) {
+            return Err(damaged());
+        }
+        bytes.extend_from_slice(part.get_binary_generic("bytes").map_err(|_| damaged())?);
+    }
+    let mut whole: Document = bson::deserialize_from_slice(&bytes)?;
+    match whole.remove("done") {
+        Some(Bson::Array(done)) => Ok(done),
+        _ => Err(damaged()),
+    }
+}
+
+fn part_id(once: &Once, part: i32) -> Bson {
+    doc! { "session": once.session.to_bson(), "part": part }.into()
+}
+
+fn kept(memory: &Memory, ns: &Namespace, id: Bson) -> Result<Option<Document>, Failure> {
     let records = records(ns);
-    let find = Find { filter: doc! { "_id": session.to_bson() }, ..Find::default() };
+    let find = Find { filter: doc! { "_id": { "$eq": id } }, ..Find::default() };
     let found = memory.bare(&records)?.find(&records, &find)?.next().transpose()?;
     Ok(found.map(|raw| Document::try_from(&*raw)).transpose()?)
 }
@@ -71,10 +104,30 @@ pub(super) fn keep_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Re
 }
 
 fn put(memory: &Memory, ns: &Namespace, once: &Once, done: Vec<Document>) -> Result<(), Failure> {
-    let record = doc! { "_id": once.session.to_bson(), "number": once.number, "at": DateTime::now(), "done": done };
     let records = records(ns);
-    memory.bare(&records)?.put(&records, vec![record], None)?;
+    memory.bare(&records)?.put(&records, documents(once, done)?, None)?;
     Ok(())
+}
+
+/// The record of a write, with its parts where it has any.
+fn documents(once: &Once, done: Vec<Document>) -> Result<Vec<Document>, Failure> {
+    let of = |id: Bson| doc! { "_id": id, "number": once.number, "at": DateTime::now() };
+    let mut record = of(once.session.to_bson());
+    let whole = doc! { "done": done };
+    let bytes = bson::serialize_to_vec(&whole)?;
+    if bytes.len() <= LARGEST_PART {
+        record.extend(whole);
+        return Ok(vec![record]);
+    }
+    let mut documents = Vec::new();
+    for (part, bytes) in (0..).zip(bytes.chunks(LARGEST_PART)) {
+        let mut document = of(part_id(once, part));
+        document.insert("bytes", Binary { subtype: BinarySubtype::Generic, bytes: bytes.to_vec() });
+        documents.push(document);
+    }
+    record.insert("parts", i32::try_from(documents.len()).unwrap_or(i32::MAX));
+    documents.push(record);
+    Ok(documents)
 }
 
 /// Whether a transaction of this number was committed, as far as is kept.

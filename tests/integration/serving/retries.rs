@@ -6,8 +6,10 @@ use libtest_mimic::Failed;
 use super::wire::Wire;
 use super::{Case, Served};
 
-pub(super) const CASES: &[(&str, Case)] =
-    &[("statements_that_connections_send_again_at_once_are_done_once_also_after_kills", at_once)];
+pub(super) const CASES: &[(&str, Case)] = &[
+    ("statements_that_connections_send_again_at_once_are_done_once_also_after_kills", at_once),
+    ("writes_of_which_much_has_to_be_kept_are_done_once", large),
+];
 
 type Beside = fn(&str) -> Result<(), Failed>;
 
@@ -173,5 +175,45 @@ fn at_once() -> Result<(), Failed> {
     }
     let found = Wire::connect(served.address())?.run(&doc! { "count": "c", "query": { "n": 1 }, "$db": "a" })?;
     assert_eq!(found.get_i32("n")?, 12);
+    Ok(())
+}
+
+/// More has to be kept than a document has room for.
+fn large() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let mut served = Served::start(folder.path(), &[])?;
+    let id = bson::Uuid::new();
+    let own =
+        |number: i64, command: Document| with(command, doc! { "lsid": { "id": id }, "txnNumber": number, "$db": "a" });
+    let count = |wire: &mut Wire, query: Document| -> Result<i32, Failed> {
+        Ok(wire.run(&doc! { "count": "c", "query": query, "$db": "a" })?.get_i32("n")?)
+    };
+    let key = |nth: usize| format!("{nth:0>6000}");
+    let upsert = |nth| doc! { "q": { "_id": key(nth) }, "u": { "$inc": { "n": 1 } }, "upsert": true };
+    let upserts = own(1, doc! { "update": "c", "updates": (0..3000).map(upsert).collect::<Vec<_>>() });
+    let upserted = Wire::connect(served.address())?.run(&upserts)?;
+    assert_eq!(upserted.get_i32("n").ok(), Some(3000), "{:?}", upserted.get("errmsg"));
+    served.kill()?;
+    served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let again = wire.run(&upserts)?;
+    assert_eq!(again.get_array("retriedStmtIds")?.len(), 3000);
+    assert_eq!(again.get_array("upserted")?, upserted.get_array("upserted")?);
+    assert_eq!(count(&mut wire, doc! { "n": 1 })?, 3000);
+    // The answer has the whole document.
+    let text = "x".repeat((16 << 20) - 200);
+    wire.run(&doc! { "insert": "c", "documents": [{ "_id": 1, "text": text }], "$db": "a" })?;
+    let modification = own(2, doc! { "findAndModify": "c", "query": { "_id": 1 }, "update": { "$inc": { "m": 1 } } });
+    let removal = own(3, doc! { "findAndModify": "c", "query": { "_id": 1 }, "remove": true });
+    for command in [modification, removal] {
+        let first = wire.run(&command)?;
+        assert_eq!(first.get_document("value")?.get_i32("_id").ok(), Some(1));
+        let second = wire.run(&command)?;
+        assert_eq!(second.get("retriedStmtId"), Some(&Bson::Int32(0)));
+        assert!(second.get("value") == first.get("value"));
+    }
+    // A later write is a small one again.
+    wire.run(&own(4, doc! { "insert": "c", "documents": [{ "_id": 2 }] }))?;
+    assert_eq!(count(&mut wire, doc! { "_id": { "$in": [1, 2] } })?, 1);
     Ok(())
 }
