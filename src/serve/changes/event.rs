@@ -31,7 +31,7 @@ impl Shape {
         }
         let at = change.time;
         let mut event = doc! {
-            "_id": Token { position, place: TokenKind::Change }.to_document(),
+            "_id": Token { position, kind: TokenKind::Change }.to_document(),
             "operationType": change.kind.name(),
             "clusterTime": clock::of(at, position),
             "wallTime": at,
@@ -75,7 +75,7 @@ impl Shape {
 /// The end of a stream whose collection is gone.
 pub(super) fn invalidate(at: bson::DateTime, position: i64) -> Document {
     doc! {
-        "_id": Token { position, place: TokenKind::End }.to_document(),
+        "_id": Token { position, kind: TokenKind::End }.to_document(),
         "operationType": "invalidate",
         "clusterTime": clock::of(at, position),
         "wallTime": at,

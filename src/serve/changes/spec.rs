@@ -139,7 +139,7 @@ fn start(options: Fields<'_>) -> Result<Start, Failure> {
         (None, None, None) => Ok(Start::Now),
         (None, None, Some(at)) => Ok(Start::At(at)),
         (Some(token), None, None) => match Token::read(token)? {
-            Token { place: TokenKind::End, .. } => {
+            Token { kind: TokenKind::End, .. } => {
                 let message = "Attempting to resume a change stream using 'resumeAfter' is not allowed from an \
                                invalidate notification; use startAfter";
                 Err(Failure::new(codes::INVALID_TOKEN, message))

@@ -79,10 +79,10 @@ impl Stream {
             shape,
             stages: spec.stages,
             pending: VecDeque::new(),
-            token: Token { position, place: TokenKind::Between },
+            token: Token { position, kind: TokenKind::Between },
             is_over: false,
         };
-        if matches!(spec.start, Start::Behind(Token { place: TokenKind::Change, .. })) {
+        if matches!(spec.start, Start::Behind(Token { kind: TokenKind::Change, .. })) {
             stream.end_behind(memory)?;
         }
         // What is not kept any more is an error now, not later.
@@ -119,7 +119,7 @@ impl Stream {
             (bytes, count) = (bytes + size, count + 1);
         }
         if self.pending.is_empty() && !self.is_over {
-            self.token = Token { position: self.position, place: TokenKind::Between };
+            self.token = Token { position: self.position, kind: TokenKind::Between };
         }
         let is_over = self.is_over && self.pending.is_empty();
         Ok(Batch { events, count, token: self.token.to_document(), is_over })
@@ -137,10 +137,10 @@ impl Stream {
             let position = change.position.parse().unwrap_or(page.until);
             let (ends, at) = (is_end(&self.scope, change.kind), change.time);
             if let Some(event) = self.shape.event(&ns, change, position)? {
-                events.push((Token { position, place: TokenKind::Change }, event));
+                events.push((Token { position, kind: TokenKind::Change }, event));
             }
             if ends {
-                events.push((Token { position, place: TokenKind::End }, invalidate(at, position)));
+                events.push((Token { position, kind: TokenKind::End }, invalidate(at, position)));
                 self.is_over = true;
                 break;
             }
@@ -161,7 +161,7 @@ impl Stream {
             .first()
             .filter(|(_, change)| change.position.parse() == Ok(self.position) && is_end(&self.scope, change.kind));
         if let Some((_, change)) = end {
-            let token = Token { position: self.position, place: TokenKind::End };
+            let token = Token { position: self.position, kind: TokenKind::End };
             let event = invalidate(change.time, self.position);
             self.pending.extend(self.through_stages(token, &event)?);
             self.is_over = true;

@@ -10,7 +10,7 @@ use crate::serve::failure::{Failure, codes};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Token {
     pub(super) position: i64,
-    pub(super) place: TokenKind,
+    pub(super) kind: TokenKind,
 }
 
 /// What is at a place.
@@ -26,7 +26,7 @@ pub(super) enum TokenKind {
 
 impl Token {
     pub(super) fn to_document(self) -> Document {
-        let kind: u8 = match self.place {
+        let kind: u8 = match self.kind {
             TokenKind::Change => 1,
             TokenKind::End => 2,
             TokenKind::Between => 3,
@@ -44,14 +44,14 @@ impl Token {
             _ => return Err(invalid()),
         };
         let (position, kind) = data.split_at_checked(16).ok_or_else(invalid)?;
-        let place = match kind {
+        let kind = match kind {
             "01" => TokenKind::Change,
             "02" => TokenKind::End,
             "03" => TokenKind::Between,
             _ => return Err(invalid()),
         };
         let position = i64::from_str_radix(position, 16).map_err(|_| invalid())?;
-        Ok(Self { position, place })
+        Ok(Self { position, kind })
     }
 }
 
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn tokens_are_read_as_written_and_sort_by_position() {
-        let token = |position| Token { position, place: TokenKind::Change };
+        let token = |position| Token { position, kind: TokenKind::Change };
         let text = |position| token(position).to_document().get_str("_data").unwrap().to_owned();
         assert_eq!(Token::read(&token(7).to_document()), Ok(token(7)));
         assert!(text(9) < text(10) && text(255) < text(256));
