@@ -140,7 +140,8 @@ impl JobQueue {
     }
 
     /// The turn of a client that writes in its own thread, which saves two switches of threads: only where it was the last
-    /// that wrote, so that no other one waits, and what its thread keeps of the file is current.
+    /// that wrote, so that what its thread keeps of the file is current. Hardly any other one waits then: one that comes
+    /// between the two looks here has its turn next.
     pub(super) fn own_turn(&self, client: i64) -> Option<Turn<'_>> {
         if self.last.load(Ordering::SeqCst) != client {
             return None;
