@@ -23,6 +23,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_INDEX: i32 = 27;
     pub(in crate::serve) const NO_CURSOR: i32 = 43;
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
+    pub(in crate::serve) const DOLLAR_PREFIXED: i32 = 52;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
     pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
     pub(in crate::serve) const INDEX_EXISTS: i32 = 68;
@@ -55,6 +56,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_QUERY: i32 = 352;
     pub(in crate::serve) const TOO_LARGE: i32 = 10_334;
     pub(in crate::serve) const DUPLICATE: i32 = 11_000;
+    pub(in crate::serve) const UNKNOWN_STAGE: i32 = 40_324;
     pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
     pub(in crate::serve) const NOT_RETRYABLE: i32 = 50_768;

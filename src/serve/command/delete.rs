@@ -3,7 +3,7 @@
 use bson::{Document, doc};
 
 use super::definition::Command;
-use super::write::{COMMON, Outcome, changes, is_ordered};
+use super::write::{COMMON, Outcome, changes, check_repeatable, is_ordered};
 use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::effect::Effect;
@@ -18,8 +18,9 @@ fn delete(memory: &Memory, call: &Call) -> Answer {
     fields.known(&[&COMMON[..], &["deletes", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
     let (ordered, mut outcome) = (is_ordered(call)?, Outcome::default());
-    let is_many = |statement| Ok(!is_of_one(statement)?);
-    let statements = changes(call, ("deletes", "delete.deletes"), is_many)?;
+    let statements = changes(call, ("deletes", "delete.deletes"))?;
+    // A malformed one fails the command before anything is done.
+    statements.iter().try_for_each(|statement| is_of_one(*statement).map(drop))?;
     for (index, statement) in statements.into_iter().enumerate() {
         if outcome.repeated(call, index).is_some() {
             outcome.n += 1;
@@ -53,6 +54,7 @@ fn delete_one(
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let filter = fields.document("q")?.ok_or_else(|| fields.missing("q"))?;
     let first_only = is_of_one(fields)?;
+    check_repeatable(call, !first_only, "limit=0")?;
     Ok(call.access(memory).delete(ns, Query { filter, modifiers: &modifiers }, first_only)?)
 }
 

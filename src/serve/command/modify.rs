@@ -10,7 +10,7 @@ use crate::serve::call::Call;
 use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::number;
-use crate::store::{Find, Modifiers, Namespace, UpdateRequest, UpdateSpec};
+use crate::store::{Find, Modifiers, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("findAndModify", modify).transactional()];
 
@@ -141,9 +141,12 @@ impl Modification {
         let id = self.id(memory, call, ns)?;
         let before = if self.new { Bson::Null } else { value(self.first(memory, call, ns)?)? };
         if id.is_none() && !self.upsert {
-            // A wrong update is refused, also where there is nothing to update.
+            // A wrong update is refused, also where there is nothing to update; names of fields are for the document itself.
             let nothing = doc! { "$and": [self.query.clone(), { "_id": { "$in": [] } }] };
-            call.access(memory).update(ns, &self.request(nothing, update))?;
+            match call.access(memory).update(ns, &self.request(nothing, update)) {
+                Err(StoreError::Query(error)) if error.code == codes::DOLLAR_PREFIXED => {}
+                done => drop(done?),
+            }
             return raw(&doc! { "lastErrorObject": { "n": 0, "updatedExisting": false }, "value": Bson::Null });
         }
         // What the query matched determines which element `$` is.

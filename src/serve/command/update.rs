@@ -3,8 +3,9 @@
 use bson::{Bson, Document, doc};
 
 use super::definition::Command;
-use super::write::{COMMON, Outcome, changes, is_ordered};
+use super::write::{COMMON, Outcome, changes, check_repeatable, is_ordered};
 use crate::memory::Memory;
+use crate::query::Pipeline;
 use crate::serve::call::Call;
 use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -19,7 +20,9 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let variables = fields.document_or_empty("let")?;
     let ordered = is_ordered(call)?;
     let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
-    let statements = changes(call, ("updates", "update.updates"), |statement| statement.flag("multi"))?;
+    let statements = changes(call, ("updates", "update.updates"))?;
+    // A malformed one fails the command before anything is done.
+    statements.iter().try_for_each(|statement| statement.flag("multi").map(drop))?;
     for (index, statement) in statements.into_iter().enumerate() {
         let updated = match outcome.repeated(call, index) {
             Some(effect) => Ok(effect.updated()?),
@@ -59,6 +62,7 @@ fn update_one(
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
     fields.check_inside(&taken, &["upsertSupplied"])?;
+    check_repeatable(call, fields.flag("multi")?, "multi=true")?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let mut request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
@@ -90,9 +94,19 @@ pub(super) fn spec(fields: Fields<'_>, name: &str) -> Result<Option<UpdateSpec>,
         Some(Bson::Document(update)) => Ok(Some(UpdateSpec::Document(update.clone()))),
         Some(Bson::Array(_)) => {
             let stages = fields.documents(name)?.unwrap_or_default();
-            Ok(Some(UpdateSpec::Pipeline(stages.into_iter().cloned().collect())))
+            let stages: Vec<Document> = stages.into_iter().cloned().collect();
+            stages.iter().try_for_each(check_stage)?;
+            Ok(Some(UpdateSpec::Pipeline(stages)))
         }
         Some(_) => Err(Failure::new(codes::FAILED_TO_PARSE, "Update argument must be either an object or an array")),
+    }
+}
+
+/// Refuses a stage that there is not in any pipeline: then the whole command is malformed.
+fn check_stage(stage: &Document) -> Result<(), Failure> {
+    match Pipeline::parse(std::slice::from_ref(stage)) {
+        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(Failure::malformed(error.code, error.message)),
+        _ => Ok(()),
     }
 }
 

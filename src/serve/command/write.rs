@@ -70,25 +70,17 @@ pub(super) fn statements<'a>(fields: Fields<'a>, name: &str) -> Result<Vec<&'a D
     }
 }
 
-/// The statements of an update or of a removal, none of them of many documents where the client may repeat the command.
-pub(super) fn changes<'a>(
-    call: &'a Call,
-    (name, context): (&str, &'static str),
-    is_many: impl Fn(Fields<'a>) -> Result<bool, Failure>,
-) -> Result<Vec<Fields<'a>>, Failure> {
+/// The statements of an update or of a removal.
+pub(super) fn changes<'a>(call: &'a Call, (name, context): (&str, &'static str)) -> Result<Vec<Fields<'a>>, Failure> {
     let statements = statements(call.request.fields(), name)?;
-    let changes: Vec<_> = statements.into_iter().map(|one| Fields::new(context, one)).collect();
-    for change in &changes {
-        check_repeatable(call, is_many(*change)?)?;
-    }
-    Ok(changes)
+    Ok(statements.into_iter().map(|one| Fields::new(context, one)).collect())
 }
 
 /// Refuses a write of many documents that the client may repeat: only one of one document is known again.
-fn check_repeatable(call: &Call, is_many: bool) -> Result<(), Failure> {
+pub(super) fn check_repeatable(call: &Call, is_many: bool, option: &str) -> Result<(), Failure> {
     match call.request.transaction {
         Some(part) if is_many && !part.is_multi => {
-            let message = format!("Cannot use retryable writes with multi-document {}s", call.request.name);
+            let message = format!("Cannot use (or request) retryable writes with {option}");
             Err(Failure::new(codes::INVALID_OPTIONS, message))
         }
         _ => Ok(()),

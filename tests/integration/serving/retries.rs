@@ -88,7 +88,23 @@ fn scenarios() -> Vec<Scenario> {
         of(&ids(&[1]), vec![remove(1, 0), remove(1, 0), delete(&[1], &[0]), modify(1, 0)]),
         of(&ids(&[1]), vec![with(modify(7, 0), doc! { "upsert": true }), with(modify(7, 0), doc! { "upsert": true })]),
         of(&ids(&[1]), vec![delete(&[1], &[0]), update(&[add(1)], &[0]), insert(&[4], &[0])]),
+        // Of many documents is none: such a statement fails, and not the command.
+        of(&ids(&[1, 2]), {
+            let all = doc! { "q": {}, "u": { "$inc": { "n": 5 } }, "multi": true };
+            let some = update(&[add(1), all, add(2)], &[0, 1, 2]);
+            let removal = doc! { "delete": "c", "deletes": [{ "q": {}, "limit": 0 }], "stmtIds": [3] };
+            vec![some.clone(), unordered(some), removal]
+        }),
         of(&[], vec![insert(&[1], &[-1]), insert(&[1], &[-1])]),
+        // What is wrong with an update only in the document that it makes is not seen without one.
+        of(&ids(&[1]), {
+            let modify = |update: Bson| doc! { "findAndModify": "c", "query": { "_id": 9 }, "update": update };
+            let wrong = [doc! { "n": 1, "$x": 1 }, doc! { "$set": { "$n": 1 } }, doc! { "$x": 1 }];
+            let unknown: Bson = vec![doc! { "$foo": 1 }].into();
+            let updates = wrong.into_iter().map(Bson::from).chain([unknown.clone()]);
+            let update = doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": unknown }] };
+            updates.map(modify).chain([update]).collect()
+        }),
         of(&[], vec![insert(&[1, 2], &[0]), with(insert(&[1], &[0]), doc! { "stmtId": 0 })]),
         of(&[], vec![with(modify(1, 0), doc! { "stmtIds": [0] }), with(insert(&[1], &[0]), doc! { "stmtIds": ["x"] })]),
         of(&[], vec![with(insert(&[1], &[0]), doc! { "txnNumber": 2_i64 }), insert(&[2], &[1])]),
