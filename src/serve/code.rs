@@ -103,13 +103,14 @@ const NAMES: [(i32, &str); 98] = [
 ];
 
 /// Larger codes that have a name.
-const LARGE: [(i32, &str); 10] = [
+const LARGE: [(i32, &str); 11] = [
     (9001, "SocketException"),
     (10_107, "NotWritablePrimary"),
     (10_334, "BSONObjectTooLarge"),
     (11_000, "DuplicateKey"),
     (11_600, "InterruptedAtShutdown"),
     (11_601, "Interrupted"),
+    (11_602, "InterruptedDueToReplStateChange"),
     (13_113, "MergeStageNoMatchingDocument"),
     (13_388, "StaleConfig"),
     (14_031, "OutOfDiskSpace"),

@@ -250,7 +250,9 @@ fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
         let concern = Fields::new("writeConcern", concern);
         concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
         let is_journaled = concern.optional_flag("j")? == Some(true);
-        concern.optional_flag("fsync")?;
+        if concern.optional_flag("fsync")? == Some(true) && is_journaled {
+            return Err(Failure::new(codes::FAILED_TO_PARSE, "fsync and j options cannot be used together"));
+        }
         check_provenance(concern)?;
         if concern.document.get("wtimeout").is_some_and(is_too_long) {
             return Err(Failure::new(codes::FAILED_TO_PARSE, "wtimeout must be a 32-bit integer"));
@@ -337,6 +339,8 @@ mod tests {
         assert_eq!(mode.confirmation, Confirmation::Mode);
         assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
+        let both = doc! { "j": true, "fsync": true };
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": both }), codes::FAILED_TO_PARSE);
         let long = doc! { "wtimeout": 1_i64 << 31 };
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": long }), codes::FAILED_TO_PARSE);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "maxTimeMS": 1_i64 << 31 }), codes::BAD_VALUE);

@@ -10,8 +10,11 @@ use mongodb::options::{Acknowledgment, WriteConcern};
 
 use crate::query::QueryError;
 
-/// How long it is taken for known which election made the primary.
+/// How long it is taken for known that the server is no member of a replica set.
 const KNOWN: Duration = Duration::from_secs(5);
+/// The same for which election made the primary: shorter than any election takes, so that one is not taken for an election
+/// during a write that was before it.
+const ELECTION_KNOWN: Duration = Duration::from_millis(20);
 
 /// Who confirms the writes of a store.
 pub(super) struct Confirmation {
@@ -21,8 +24,36 @@ pub(super) struct Confirmation {
     is_shared: bool,
     /// Whether the primary alone confirms each write, since all are waited for behind them.
     is_postponed: AtomicBool,
-    /// Which election made the primary, and when that was known.
-    election: Mutex<Option<(Instant, Option<ObjectId>)>>,
+    /// What the server is, and when that was known.
+    member: Mutex<Option<(Instant, Member)>>,
+}
+
+/// What a server is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Member {
+    /// Whether there are, or may be, other members.
+    pub(super) is_replicated: bool,
+    /// Which election made the primary, where it is a member of a replica set.
+    pub(super) election: Option<ObjectId>,
+}
+
+impl Member {
+    /// Refuses what a server without other members refuses, before anything is written.
+    pub(super) fn check(self, asked: Option<&Document>) -> Result<(), QueryError> {
+        let members = asked.filter(|_| !self.is_replicated).and_then(|asked| asked.get("w"));
+        match members {
+            Some(Bson::String(mode)) if mode != "majority" => Err(QueryError::bad_value(format!(
+                "cannot use non-majority 'w' mode \"{mode}\" when a host is not a member of a replica set"
+            ))),
+            // It takes tags of members.
+            Some(Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_))
+                if asked.is_some_and(|asked| asked_of(asked) == Asked::Others) =>
+            {
+                Err(QueryError::bad_value("cannot use 'w' > 1 when a host is not replicated"))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// While it lives, the primary alone confirms each write.
@@ -36,7 +67,7 @@ impl Drop for Postponed<'_> {
 
 impl Confirmation {
     pub(super) fn new(least: WriteConcern, is_shared: bool) -> Self {
-        Self { least, is_shared, is_postponed: AtomicBool::default(), election: Mutex::default() }
+        Self { least, is_shared, is_postponed: AtomicBool::default(), member: Mutex::default() }
     }
 
     /// The write concern of a single write.
@@ -67,13 +98,14 @@ impl Confirmation {
         }
     }
 
-    pub(super) fn known(&self) -> Option<Option<ObjectId>> {
-        let election = *self.election.lock().unwrap_or_else(PoisonError::into_inner);
-        election.filter(|(since, _)| since.elapsed() < KNOWN).map(|(_, election)| election)
+    pub(super) fn known(&self) -> Option<Member> {
+        let member = *self.member.lock().unwrap_or_else(PoisonError::into_inner);
+        let limit = |member: &Member| if member.election.is_some() { ELECTION_KNOWN } else { KNOWN };
+        member.filter(|(since, member)| since.elapsed() < limit(member)).map(|(_, member)| member)
     }
 
-    pub(super) fn learn(&self, election: Option<ObjectId>) {
-        *self.election.lock().unwrap_or_else(PoisonError::into_inner) = Some((Instant::now(), election));
+    pub(super) fn learn(&self, member: Member) {
+        *self.member.lock().unwrap_or_else(PoisonError::into_inner) = Some((Instant::now(), member));
     }
 }
 
@@ -127,5 +159,33 @@ mod tests {
         assert_eq!(needed(false, doc! { "w": 1 }), [doc! { "w": 1 }]);
         assert_eq!(needed(false, doc! { "w": 0 }), [] as [Document; 0]);
         assert_eq!(needed(false, doc! {}), [majority]);
+    }
+
+    #[test]
+    fn a_server_without_others_refuses_to_wait_for_them() {
+        let alone = Member { is_replicated: false, election: None };
+        let code = |asked: Document| alone.check(Some(&asked)).map_err(|error| error.code).err();
+        for refused in [doc! { "w": 2 }, doc! { "w": 2.0, "wtimeout": 1 }, doc! { "w": "far" }] {
+            assert_eq!(code(refused.clone()), Some(2), "{refused}");
+            let member = Member { is_replicated: true, election: Some(ObjectId::from_bytes([1; 12])) };
+            assert_eq!(member.check(Some(&refused)), Ok(()));
+        }
+        for taken in [doc! {}, doc! { "w": 0 }, doc! { "w": 1 }, doc! { "w": "majority" }, doc! { "w": { "place": 2 } }]
+        {
+            assert_eq!(code(taken.clone()), None, "{taken}");
+        }
+    }
+
+    #[test]
+    fn an_election_is_known_for_a_moment_only() {
+        let confirmation = Confirmation::new(WriteConcern::default(), false);
+        let alone = Member { is_replicated: false, election: None };
+        let member = Member { is_replicated: true, election: Some(ObjectId::from_bytes([1; 12])) };
+        assert_eq!(confirmation.known(), None);
+        for (server, later) in [(alone, Some(alone)), (member, None)] {
+            confirmation.learn(server);
+            std::thread::sleep(2 * ELECTION_KNOWN);
+            assert_eq!(confirmation.known(), later);
+        }
     }
 }

@@ -5,12 +5,10 @@
 //! before it. Where another member has become the primary meanwhile, what was written before may be lost, and is
 //! reported as not confirmed.
 
-use bson::oid::ObjectId;
 use bson::{Document, doc};
 
-use super::confirmation::{Asked, asked_of};
+use super::confirmation::Member;
 use super::{MongoDb, failure};
-use crate::query::QueryError;
 use crate::store::{Namespace, StoreError};
 
 /// The collection that the update of nothing is made in; it does not have to be there.
@@ -29,32 +27,31 @@ impl MongoDb {
         work: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Document>, StoreError> {
         let needed = self.confirmation.needed(asked)?;
-        let election = match self.confirmation.known() {
-            Some(election) => election,
-            None => self.ask_for_election(asked)?,
+        let member = match self.confirmation.known() {
+            Some(member) => member,
+            None => self.ask_for_member()?,
         };
+        member.check(asked)?;
         let postponed = self.confirmation.postpone();
         let has_written = work();
         drop(postponed);
         let mut needed = needed.into_iter().filter(|_| has_written);
-        Ok(needed.find_map(|concern| self.wait(ns, concern, election)))
+        Ok(needed.find_map(|concern| self.wait(ns, concern, member)))
     }
 
-    /// Which election made the primary; there is none where the server is no member of a replica set.
-    fn ask_for_election(&self, asked: Option<&Document>) -> Result<Option<ObjectId>, StoreError> {
+    /// What the server is.
+    fn ask_for_member(&self) -> Result<Member, StoreError> {
         let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
         let hello = hello.map_err(|e| self.explain(&e))?;
-        let is_of_others = asked.is_some_and(|asked| asked_of(asked) == Asked::Others);
-        if is_of_others && !hello.contains_key("setName") && !hello.contains_key("msg") {
-            return Err(QueryError::bad_value("cannot use 'w' > 1 when a host is not replicated").into());
-        }
-        let election = hello.get_object_id("electionId").ok();
-        self.confirmation.learn(election);
-        Ok(election)
+        // A router says `msg`.
+        let is_replicated = hello.contains_key("setName") || hello.contains_key("msg");
+        let member = Member { is_replicated, election: hello.get_object_id("electionId").ok() };
+        self.confirmation.learn(member);
+        Ok(member)
     }
 
     /// Waits until all that was written is confirmed; returns why it is not.
-    fn wait(&self, ns: &Namespace, concern: Document, before: Option<ObjectId>) -> Option<Document> {
+    fn wait(&self, ns: &Namespace, concern: Document, before: Member) -> Option<Document> {
         let update = doc! { "q": { "_id": { "$in": [] } }, "u": { "$set": { "confirmed": true } } };
         let mut nothing = doc! { "update": NOTHING, "updates": [update], "writeConcern": concern };
         if let Some(left) = crate::deadline::left() {
@@ -67,11 +64,11 @@ impl MongoDb {
                 return Some(doc! { "code": code, "errmsg": self.explain(&error).to_string() });
             }
         };
-        let after = answer.get_object_id("electionId").ok();
-        self.confirmation.learn(after);
+        let after = before.election.and_then(|_| answer.get_object_id("electionId").ok());
+        self.confirmation.learn(Member { election: after, ..before });
         match answer.get_document("writeConcernError") {
             Ok(error) => Some(error.clone()),
-            Err(_) if before.is_none() || before == after => None,
+            Err(_) if before.election == after => None,
             Err(_) => {
                 let message = "another member has become the primary; what was written before that may be lost";
                 Some(doc! { "code": ELECTED, "errmsg": message })
