@@ -95,11 +95,12 @@ impl MongoDb {
         self.client().database(&ns.database).collection(BEGINNINGS)
     }
 
-    /// Writes, and records what was changed, where the history is kept.
+    /// Writes, and records what was changed, where the history is kept: also where the write failed after some of its
+    /// changes.
     pub(super) fn recorded<T>(
         &self,
         ns: &Namespace,
-        made: impl FnOnce(&T) -> Made,
+        made: impl FnOnce(Result<&T, &StoreError>) -> Made,
         work: impl FnOnce() -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
@@ -108,10 +109,9 @@ impl MongoDb {
         self.keeping().is_recording = true;
         let done = work();
         self.keeping().is_recording = false;
-        if let Ok(done) = &done {
-            self.record_own(ns, &rule, &made(done), start)?;
-        }
-        done
+        let is_recorded = self.record_own(ns, &rule, &made(done.as_ref()), start);
+        // Of two failures, that of the write is the first.
+        done.and_then(|done| is_recorded.map(|()| done))
     }
 
     /// Makes the watch of a collection, before the first change that it is to record.

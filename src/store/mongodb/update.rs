@@ -100,11 +100,25 @@ impl MongoDb {
             let before = with_ids(self.find(ns, &Find { filter, modifiers, current: true, ..Find::default() })?)?;
             if !before.is_empty() {
                 let chunk = self.update_chunk(ns, request, before, at);
-                let chunk = chunk.map_err(|error| error.after(done.modified))?;
+                let chunk = chunk.map_err(|error| self.counted(ns, error, (ids, at), done.modified))?;
                 add(&mut done, &chunk);
             }
         }
         Ok(done)
+    }
+
+    /// The error of an update that failed at one of these documents, after it had changed so many others. The server does not
+    /// say how many of them it changed; they have the date of the update.
+    fn counted(&self, ns: &Namespace, error: StoreError, (ids, at): (&[Bson], DateTime), done: u64) -> StoreError {
+        if !error.is_of_document() {
+            return error.after(done);
+        }
+        let filter = doc! { "_id": { "$in": ids }, path(UPDATED): at };
+        match self.on_primary::<Document>(ns).count_documents(filter).run() {
+            Ok(more) => error.after(done + more),
+            // How many there were is not known.
+            Err(_) => error,
+        }
     }
 
     /// Updates those of the documents that still match, with the metadata where it is
@@ -117,20 +131,26 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         let plain = without_metadata(&request.update, &before, at)?;
-        let Some(changes) = predict(&plain, request, &before, at) else {
+        let Some(predictions) = predict(&plain, request, &before, at) else {
             return self.update_then_metadata(ns, request, plain, &before, at);
         };
-        let (mut changing, mut rest) = (Before::new(), Before::new());
-        for (document, changes) in before.into_iter().zip(changes) {
-            if changes { changing.push(document) } else { rest.push(document) }
+        // Those behind one that cannot be updated stay as they are, unless the server updates that one.
+        let last = predictions.iter().position(|prediction| *prediction == Prediction::Fails).unwrap_or(before.len());
+        let (mut changing, mut rest, mut behind) = (Before::new(), Before::new(), Before::new());
+        for (nth, (document, prediction)) in before.into_iter().zip(predictions).enumerate() {
+            match prediction {
+                _ if nth > last => behind.push(document),
+                Prediction::Changes => changing.push(document),
+                Prediction::Stays | Prediction::Fails => rest.push(document),
+            }
         }
         let mut done = Updated::default();
         if !changing.is_empty() {
             let with_metadata = with_updated(&plain, at)?;
             done = self.apply(ns, &among(request, with_metadata, &changing)?)?;
         }
-        if !rest.is_empty() {
-            add(&mut done, &self.update_then_metadata(ns, request, plain, &rest, at)?);
+        for others in [rest, behind].iter().filter(|others| !others.is_empty()) {
+            add(&mut done, &self.update_then_metadata(ns, request, plain.clone(), others, at)?);
         }
         Ok(done)
     }
@@ -198,9 +218,17 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
     })
 }
 
-/// Which of the documents an update changes; nothing where only the
+/// What an update is predicted to do to a document.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Prediction {
+    Changes,
+    Stays,
+    Fails,
+}
+
+/// What an update does to each of the documents; nothing where only the
 /// server can decide, or refuses the update.
-fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<bool>> {
+fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<Prediction>> {
     if !request.modifiers.is_empty() {
         return None;
     }
@@ -210,7 +238,12 @@ fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: Dat
         UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
     };
     let (update, filter) = (update.ok()?, Filter::parse(&request.filter).ok()?);
-    before.iter().map(|(_, body)| update.apply(body, &filter, at).ok().map(|changed| changed.is_some())).collect()
+    let predicted = |(_, body): &(Bson, RawDocumentBuf)| match update.apply(body, &filter, at) {
+        Ok(Some(_)) => Prediction::Changes,
+        Ok(None) => Prediction::Stays,
+        Err(_) => Prediction::Fails,
+    };
+    Some(before.iter().map(predicted).collect())
 }
 
 /// The update with a timestamp, for documents that it changes.

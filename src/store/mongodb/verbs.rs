@@ -1,5 +1,6 @@
 //! The operations of [`Store`], each one call of the driver.
 
+use std::cell::Cell;
 use std::sync::atomic::AtomicBool;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
@@ -59,12 +60,16 @@ impl Store for MongoDb {
     }
 
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
-        self.recorded(ns, |inserted: &Inserted| Made::inserts(&inserted.ids), || self.insert_all(ns, documents))
+        self.recorded(ns, made_by_insert, || self.insert_all(ns, documents))
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
-        let made = |put: &Put| Made::dated(put.inserted + put.replaced, timestamp);
-        self.recorded(ns, made, || self.put_all(ns, documents, timestamp))
+        let done = Cell::new(Put::default());
+        let made = |put: Result<&Put, &StoreError>| {
+            let stored = put.err().map_or(0, |error| error.stored().len() as u64);
+            Made::dated(done.get().inserted + done.get().replaced + stored, timestamp)
+        };
+        self.recorded(ns, made, || self.put_all(ns, documents, timestamp, &done))
     }
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -121,16 +126,22 @@ impl Store for MongoDb {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let made = |updated: &Updated| Made::dated(updated.modified + u64::from(updated.upserted.is_some()), timestamp);
+        let count = |updated: &Updated| updated.modified + u64::from(updated.upserted.is_some());
+        let made =
+            |done: Result<&Updated, &StoreError>| Made::dated(done.map_or_else(changed_before, count), timestamp);
         self.recorded(ns, made, || self.change(ns, update, timestamp))
     }
 
     fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
-        self.recorded(ns, |count| Made::removals(*count), || self.remove(ns, query, first_only))
+        self.recorded(ns, |count| Made::removals(count.copied().unwrap_or(0)), || self.remove(ns, query, first_only))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.recorded(ns, |there| Made::removals(u64::from(*there)), || self.remove_collection(ns))
+        self.recorded(
+            ns,
+            |there| Made::removals(u64::from(there.is_ok_and(|there| *there))),
+            || self.remove_collection(ns),
+        )
     }
 
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
@@ -239,6 +250,19 @@ impl Store for MongoDb {
     }
 }
 
+/// Which changes an insert made, also one that ended early.
+fn made_by_insert(inserted: Result<&Inserted, &StoreError>) -> Made {
+    Made::inserts(inserted.map_or_else(|error| error.stored(), |inserted| &inserted.ids))
+}
+
+/// How many documents an update changed before it failed.
+fn changed_before(error: &StoreError) -> u64 {
+    match error {
+        StoreError::Partial { done, .. } | StoreError::Interrupted { done } => *done,
+        _ => 0,
+    }
+}
+
 /// A collation as the driver takes it.
 fn of_driver(collation: &Collation) -> Result<mongodb::options::Collation, QueryError> {
     Ok(bson::deserialize_from_document(collation.definition().clone())?)
@@ -315,32 +339,31 @@ impl MongoDb {
         ns: &Namespace,
         documents: Vec<Document>,
         timestamp: Option<DateTime>,
+        done: &Cell<Put>,
     ) -> Result<Put, StoreError> {
         let identified = |document: Document| match document.contains_key("_id") {
             true => document,
             false => with_id_first(document, &object_id::new().into()),
         };
-        let (mut done, mut rest): (_, Vec<_>) = (Put::default(), documents.into_iter().map(identified).collect());
+        let mut rest: Vec<_> = documents.into_iter().map(identified).collect();
         while !rest.is_empty() {
             let documents = with_metadata(&rest, timestamp)?;
-            let made = |inserted: &Inserted| Made::inserts(&inserted.ids);
             // A document whose `_id` is taken is replaced, decayed or not.
             let insert = || self.insert_with_room(ns, documents, &|| Ok(false));
-            let inserted = match self.recorded(ns, made, insert) {
+            let inserted = match self.recorded(ns, made_by_insert, insert) {
                 Ok(inserted) => inserted.ids.len(),
                 Err(StoreError::Duplicate { stored, .. }) => stored.len(),
                 Err(error) => return Err(error),
             };
-            done.inserted += inserted as u64;
+            done.update(|done| Put { inserted: done.inserted + inserted as u64, ..done });
             let mut taken = rest.split_off(inserted.min(rest.len()));
             std::mem::swap(&mut taken, &mut rest);
             if !rest.is_empty() {
                 let changed = self.put_over(ns, rest.remove(0), timestamp)?;
-                done.replaced += changed;
-                done.same += 1 - changed;
+                done.update(|done| Put { replaced: done.replaced + changed, same: done.same + 1 - changed, ..done });
             }
         }
-        Ok(done)
+        Ok(done.get())
     }
 
     fn change(

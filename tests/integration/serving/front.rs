@@ -1,5 +1,8 @@
 //! `rmem serve` in front of a MongoDB server.
 
+use std::path::Path;
+use std::process::Command;
+
 use bson::{Document, doc};
 use libtest_mimic::Failed;
 use mongodb::options::ReturnDocument;
@@ -15,6 +18,7 @@ type Case = fn(&str) -> Result<(), Failed>;
 pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
+    ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
 ];
 
 fn in_front(mongod: &str) -> Result<(), Failed> {
@@ -72,6 +76,49 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Runs `rmem` in a folder, with the server at a URI as its memory; gives what it says.
+fn rmem(folder: &Path, mongod: &str, arguments: &[&str]) -> Result<String, Failed> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+    let output = command.current_dir(folder).args(["--memory", mongod]).args(arguments).output()?;
+    Ok(String::from_utf8([output.stdout, output.stderr].concat())?)
+}
+
+fn part_way(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("rmem.toml"), "keep_history = '1h'\n")?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let behind = Client::with_uri_str(mongod)?.database("part_way");
+    behind.drop().run()?;
+    let (stored, entries) = (behind.collection::<Document>("c"), behind.collection::<Document>("rmem.history"));
+    let things = served.client()?.database("part_way").collection::<Document>("c");
+    let documents = (0..6).map(|id| {
+        if id == 3 {
+            doc! { "_id": id, "n": "x" }
+        } else {
+            doc! { "_id": id, "n": 0 }
+        }
+    });
+    things.insert_many(documents.clone()).run()?;
+    let more = doc! { "$inc": { "n": 1 } };
+    assert_eq!(code(things.update_many(doc! {}, more).run()), Some(14));
+    assert_eq!(stored.count_documents(doc! { "n": 1 }).run()?, 3);
+    let is_dated = doc! { "n": 1, "$expr": { "$gt": ["$_robmem_info.updated", "$_robmem_info.inserted"] } };
+    assert_eq!(stored.count_documents(is_dated).run()?, 3);
+    assert_eq!(entries.count_documents(doc! { "operation": "update", "by": { "$exists": true } }).run()?, 3);
+    // A key that is taken: what was stored before it is signed, too.
+    let some = [doc! { "_id": 10 }, doc! { "_id": 0 }, doc! { "_id": 11 }];
+    assert_eq!(code(things.insert_many(some).run()), Some(11_000));
+    let own = doc! { "operation": "insert", "document": 10, "by": { "$exists": true } };
+    assert_eq!(entries.count_documents(own).run()?, 1);
+    let said = rmem(folder.path(), mongod, &["update", "part_way.c", "--many", "{}", "{$inc: {n: 1}}"])?;
+    assert!(said.contains("only 3 documents were changed, and stay so"), "{said}");
+    assert_eq!(stored.count_documents(doc! { "n": 2 }).run()?, 3);
+    let said = rmem(folder.path(), mongod, &["undo", "part_way.c"])?;
+    assert_eq!(stored.count_documents(doc! { "n": 1 }).run()?, 3, "{said}");
+    behind.drop().run()?;
+    Ok(())
+}
+
 /// Commands that have a write concern; each finds what those before it have left.
 fn writes() -> Vec<Document> {
     let (map, reduce) = ("function() { emit(1, 1) }", "function(key, values) { return 1 }");
@@ -118,6 +165,7 @@ fn confirmed(mongod: &str) -> Result<(), Failed> {
         doc! { "w": "far" },
         doc! { "w": { "place": 2 } },
         doc! { "j": true },
+        doc! { "j": true, "fsync": true },
     ];
     for concern in concerns {
         for write in writes() {
