@@ -1,10 +1,17 @@
 //! Whether two texts say the same in the same order, for a reader that does not tell letter cases apart.
+//!
+//! Such a reader takes a list in which a type is named once for one that names it for each object. White space and brackets
+//! part its words, and a `;` comment ends at the line's end. It may take `\n` alone for that, where rmem takes `\r` as well:
+//! so a text with a `\r` that no `\n` follows is like no other.
 
 use crate::formats::pddl::{Token, Tokens};
 
 /// Whether two texts have the same brackets and words, but for letter case and for how often a type is named in a row:
 /// `a - t b - t` is `a b - t`.
 pub(super) fn is_alike(one: &str, other: &str) -> bool {
+    if has_lone_return(one) || has_lone_return(other) {
+        return false;
+    }
     let (mut left, mut right) = (Words::new(one), Words::new(other));
     loop {
         match (left.next(), right.next()) {
@@ -16,6 +23,11 @@ pub(super) fn is_alike(one: &str, other: &str) -> bool {
     let is_same =
         |((one, to), (other, end)): (&(&str, usize), &(&str, usize))| to == end && one.eq_ignore_ascii_case(other);
     left.types.len() == right.types.len() && left.types.iter().zip(&right.types).all(is_same)
+}
+
+/// Whether a text has a `\r` that no `\n` follows.
+fn has_lone_return(text: &str) -> bool {
+    text.match_indices('\r').any(|(at, _)| text.as_bytes().get(at + 1) != Some(&b'\n'))
 }
 
 /// The brackets and words of a text, but for the types behind dashes.
@@ -84,5 +96,14 @@ mod tests {
         }
         assert!(is_alike("(- x y)", "(- X Y)") && !is_alike("(- x y)", "(y - x)") && !is_alike("(- x y)", "(- y x)"));
         assert!(is_alike("(a - (either t u))", "(a - (either T U))") && !is_alike("(-)", "()"));
+    }
+
+    #[test]
+    fn a_line_that_may_not_end_for_every_reader_is_like_no_other() {
+        assert!(is_alike("(a b)", "(a ; of two\r\n b)\r\n"));
+        for other in ["(a ; of two\r b)", "(a b)\r", "(a\rb)", "(a ; of two\r\r\n b)"] {
+            assert!(!is_alike("(a b)", other), "{other:?}");
+            assert!(!is_alike(other, "(a b)"), "{other:?}");
+        }
     }
 }

@@ -92,8 +92,8 @@ pub(crate) fn try_send_without_costs(
 }
 
 impl Sent {
-    /// Whether it differs from the texts of a task in white space, comments, letter case and how often types are named alone, so that a planner which does
-    /// not tell letter cases apart reads the same.
+    /// Whether it differs from the texts of a task only in white space, comments, letter case and how often types are named,
+    /// so that a planner which does not tell letter cases apart reads the same.
     pub(crate) fn reads_as(&self, domain: &str, problem: &str) -> bool {
         is_alike(&self.domain, domain) && is_alike(&self.problem, problem)
     }
