@@ -207,7 +207,30 @@ fn timed(
         return Ok(Some(reason));
     }
     let bare = temporal::without_own(domain);
-    let domain = bare.as_deref().unwrap_or(domain);
+    let texts = (bare.as_deref().unwrap_or(domain), problem);
+    let reason = by_ferroplan(task, instance, options, texts, reporter);
+    if !reporter.has_plan && is_plain(task, instance) {
+        let send = &mut |message: Message<'_>| reporter.send(message);
+        temporal::plan_with_literals(task, instance, options, classical::memory(), send);
+        if reporter.has_plan {
+            return Ok(None);
+        }
+    }
+    let reason = reason?;
+    if reason.is_none() || reporter.has_plan {
+        return Ok(reason);
+    }
+    Ok(temporal::refuted(task, instance, classical::memory(), classical::PROOF_WORK).or(reason))
+}
+
+/// Why ferroplan has no plan for a task with times, where it has none.
+fn by_ferroplan(
+    task: &Domain,
+    instance: &Problem,
+    options: Options,
+    (domain, problem): (&str, &str),
+    reporter: &mut Reporter<'_, '_>,
+) -> Result<Option<NoPlan>, SolveError> {
     let mut reason = None;
     // A plan for what must be is there sooner than one that pleases as well.
     let quick = (options.anytime && pddl3::has_preferences(instance)).then_some(false);
@@ -225,10 +248,7 @@ fn timed(
             }
         }
     }
-    if reason.is_none() || reporter.has_plan {
-        return Ok(reason);
-    }
-    Ok(temporal::refuted(task, instance, classical::memory(), classical::PROOF_WORK).or(reason))
+    Ok(reason)
 }
 
 /// Whether states and actions are all there is to a task: no time, no preferences, no constraints.

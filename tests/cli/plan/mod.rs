@@ -377,6 +377,18 @@ fn what_a_timed_literal_takes_away_from_the_goal_is_made_again_after_it() {
     lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(11);
 }
 
+#[test]
+fn a_timed_literal_that_changes_nothing_delays_nothing() {
+    let lab = Lab::new();
+    let domain = "(define (domain d) (:requirements :durative-actions :timed-initial-literals) (:predicates (open) (done))
+      (:durative-action work :parameters () :duration (= ?duration 10) :condition (over all (open)) :effect (at end (done))))";
+    lab.write("d.pddl", domain);
+    let problem = "(define (problem x) (:domain d) (:init (open) (at 5 (open))) (:goal (and (done) (open))))";
+    lab.write("p.pddl", problem);
+    let run = lab.rmem(&["-q", "plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]).exits(0);
+    assert!(run.stdout.starts_with("0.000: (work) [10.000]\n"), "{run}");
+}
+
 /// The table of `fixtures/tasks/README.md`: task, and the exit codes that the built-in planner may end with.
 fn tasks() -> Vec<(String, Vec<i32>)> {
     let table = std::fs::read_to_string(crate::lab::root().join("fixtures/tasks/README.md")).unwrap();

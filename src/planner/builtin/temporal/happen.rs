@@ -1,5 +1,5 @@
-//! Timed initial literals as actions (Edelkamp and Hoffmann 2004): each happens once, after those before it, and a plan has
-//! all of them, as also those behind its last action happen before the goal is looked at.
+//! Timed initial literals as actions (Edelkamp and Hoffmann 2004): each happens once, after those before it, and the goal
+//! asks for them, as also those behind the last action of a plan happen before the goal is looked at.
 
 use std::collections::{HashMap, HashSet};
 
@@ -28,22 +28,29 @@ impl World {
         let rest = problem.til.extract_if(.., |literal| !entangled.contains(&literal.pred)).collect();
         // What comes before a literal ends a thousandth before this, and what comes after it starts a thousandth later.
         let moment = |time: f64| (time * UNITS - SAME_MOMENT).ceil().max(0.0);
-        let moments = happen(&mut domain, &mut problem, moment);
+        let moments = happen(&mut domain, &mut problem, moment, |_| true);
         problem.til = rest;
         let moments = moments.into_iter().map(|(name, time)| (name, time as u64)).collect();
         Some(Self { domain, problem, moments })
     }
 }
 
-/// Makes actions of timed initial literals, those of one `moment` together, and lets the goal ask for the last one; returns
-/// their names and moments.
-pub(super) fn happen(domain: &mut Domain, problem: &mut Problem, moment: impl Fn(f64) -> f64) -> Vec<(String, f64)> {
+/// Makes actions of timed initial literals, those of one `moment` together, and lets the goal ask for the last one that is
+/// awaited; returns their names and moments.
+pub(super) fn happen(
+    domain: &mut Domain,
+    problem: &mut Problem,
+    moment: impl Fn(f64) -> f64,
+    is_awaited: impl Fn(&TimedLiteral) -> bool,
+) -> Vec<(String, f64)> {
     let mut literals = std::mem::take(&mut problem.til);
     // Of what is taken away and brought at once, it holds that it was brought.
     literals.sort_by(|one, other| one.time.total_cmp(&other.time).then(one.add.cmp(&other.add)));
     // Names of tasks have no blanks.
     let clock = |count: usize| format!("CLOCK {count}");
     let now = |count: usize| Formula::Atom(clock(count), Vec::new());
+    let awaited = "AWAITED LITERALS".to_owned();
+    let last = literals.iter().rfind(|literal| is_awaited(literal)).map(|literal| moment(literal.time));
     let mut moments = Vec::new();
     for at_once in literals.chunk_by(|one, other| moment(one.time) == moment(other.time)) {
         let count = moments.len();
@@ -55,6 +62,9 @@ pub(super) fn happen(domain: &mut Domain, problem: &mut Problem, moment: impl Fn
         let mut effects: Vec<Effect> =
             (0..at_once.len()).filter(is_last).map(|place| effect(&at_once[place])).collect();
         effects.extend([Effect::Del(clock(count), Vec::new()), Effect::Add(clock(count + 1), Vec::new())]);
+        if last == Some(moment(at_once[0].time)) {
+            effects.push(Effect::Add(awaited.clone(), Vec::new()));
+        }
         let name = format!("HAPPEN {count}");
         domain.actions.push(Action {
             name: name.clone(),
@@ -68,7 +78,10 @@ pub(super) fn happen(domain: &mut Domain, problem: &mut Problem, moment: impl Fn
     }
     domain.predicates.push((clock(moments.len()), Vec::new()));
     problem.init_atoms.push((clock(0), Vec::new()));
-    problem.goal = Formula::And(vec![problem.goal.clone(), now(moments.len())]);
+    if last.is_some() {
+        domain.predicates.push((awaited.clone(), Vec::new()));
+        problem.goal = Formula::And(vec![problem.goal.clone(), Formula::Atom(awaited, Vec::new())]);
+    }
     moments
 }
 

@@ -2,7 +2,8 @@
 //!
 //! Each durative action becomes an action that happens at once (`compress`). The plan is a right one, one step after the
 //! other; then the steps are moved to where they may start first, by what they touch (`clock`, `shared`) and by when timed
-//! facts hold (`windows`). Timed literals about what actions change, or the goal asks for, are steps as well (`happen`).
+//! facts hold (`windows`). Where ferroplan finds no plan for a task with timed literals about what actions change, or the
+//! goal asks for, these are steps as well (`happen`).
 
 mod asked;
 mod clock;
@@ -12,7 +13,7 @@ mod shared;
 mod snap;
 mod windows;
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use ferroplan::types::{Action, Domain, Effect, Formula, Problem};
 use ferroplan::{Plan, Step};
@@ -46,7 +47,8 @@ const MOST: f64 = 1e6;
 /// The work for a plan, after which ferroplan has its turn.
 const WORK: u64 = 2_000_000_000;
 
-/// The same where timed literals are steps of the plan: the search has to find their places as well.
+/// The same where timed literals are steps of the plan. Ferroplan had its turn before, so this is what the answer that no
+/// plan was found waits for: a few seconds, as for a proof.
 const TIMED_WORK: u64 = 200_000_000;
 
 /// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
@@ -60,12 +62,33 @@ pub(super) fn plan(
     memory: usize,
     send: &mut dyn FnMut(Message<'_>),
 ) -> bool {
-    if domain.durative_actions.is_empty() && problem.til.is_empty() || !domain.derived.is_empty() {
+    let is_timed = !(domain.durative_actions.is_empty() && problem.til.is_empty());
+    is_timed && search((domain, problem), None, options, memory, send)
+}
+
+/// As [`plan`], where timed literals are about what actions change, or the goal asks for: these are steps of the plan.
+pub(super) fn plan_with_literals(
+    domain: &Domain,
+    problem: &Problem,
+    options: Options,
+    memory: usize,
+    send: &mut dyn FnMut(Message<'_>),
+) -> bool {
+    let Some(World { domain, problem, moments }) = World::new(domain, problem) else { return false };
+    search((&domain, &problem), Some(moments), options, memory, send)
+}
+
+/// Finds plans for a task, some of whose actions may happen by themselves at their moments.
+fn search(
+    (domain, problem): (&Domain, &Problem),
+    moments: Option<HashMap<String, u64>>,
+    options: Options,
+    memory: usize,
+    send: &mut dyn FnMut(Message<'_>),
+) -> bool {
+    if !domain.derived.is_empty() {
         return false;
     }
-    let world = World::new(domain, problem);
-    let (domain, problem) = world.as_ref().map_or((domain, problem), |world| (&world.domain, &world.problem));
-    let moments = world.as_ref().map(|world| world.moments.clone()).unwrap_or_default();
     let Some(windows) = Windows::new(domain, problem) else { return false };
     let compared = compared::functions(&joined(domain), problem);
     let flat = compressed(domain).or_else(|| compressed(&without_others(domain, &compared)));
@@ -87,11 +110,11 @@ pub(super) fn plan(
         }
     };
     let work = match task.numbers.count {
-        0 if world.is_some() => TIMED_WORK,
+        0 if moments.is_some() => TIMED_WORK,
         0 => WORK,
         _ => NUMERIC_WORK,
     };
-    let clock = Clock::new(domain, problem, windows, compared, moments);
+    let clock = Clock::new(domain, problem, windows, compared, moments.unwrap_or_default());
     let timing = clock.limit(&mut task).and_then(|()| clock.timing(&task));
     let Some(mut timing) = timing else { return false };
     timing.prices = prices;
@@ -252,12 +275,15 @@ mod tests {
         let mut judge = Judge::new(domain, problem);
         let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(problem).unwrap());
         let mut plans = Vec::new();
-        plan(&domain, &problem, Options::default(), 1 << 26, &mut |message| {
+        let send = &mut |message: Message<'_>| {
             if let Message::Plan(plan) = message {
                 assert!(judge.allows(plan), "{plan:?}: {:?}", judge.fault);
                 plans.push(plan.clone());
             }
-        });
+        };
+        if !plan(&domain, &problem, Options::default(), 1 << 26, send) {
+            plan_with_literals(&domain, &problem, Options::default(), 1 << 26, send);
+        }
         plans
     }
 

@@ -7,12 +7,14 @@
 //!
 //! - A start asks for what must hold at the start, and an end for what must hold at the end. Between them the action is
 //!   entered, which asks for what must hold over all: at some moment between two happenings all of it holds.
-//! - Timed initial literals happen in their order, at any time, and all of them before the goal is looked at.
+//! - Timed initial literals happen in their order, at any time, and before the goal is looked at. Those that are about nothing
+//!   in the goal need not: they may follow any plan.
 //! - An action that starts while it runs already, with the same objects, may from then on end without having ended.
 //! - Preferences and constraints are left out: they only forbid.
 
 use ferroplan::types::{Action, Domain, Duration, DurativeAction, Effect, Expr, Formula, Problem, Term, TimeSpec};
 
+use super::compress::predicates;
 use super::happen::happen;
 
 /// Returns the classical task; `None` where its plans would not stand for those of the temporal one.
@@ -29,7 +31,9 @@ pub(super) fn snapped(domain: &Domain, problem: &Problem) -> Option<(Domain, Pro
         flat.predicates.extend(names.clone().map(|name| (name, kinds.clone())));
         flat.actions.extend(parts(&action, &names, (domain, problem)));
     }
-    happen(&mut flat, &mut instance, |time| time);
+    let mut wanted = Vec::new();
+    predicates(&problem.goal, &mut |name| wanted.push(name));
+    happen(&mut flat, &mut instance, |time| time, |literal| wanted.contains(&literal.pred.as_str()));
     (flat.constraints, instance.constraints, instance.metric) = (Vec::new(), Vec::new(), None);
     Some((flat, instance))
 }
@@ -101,5 +105,30 @@ fn sets(effect: &Effect, function: &str) -> bool {
         Effect::And(inner) => inner.iter().any(|part| sets(part, function)),
         Effect::When(_, inner) | Effect::Forall(_, inner) => sets(inner, function),
         Effect::Add(..) | Effect::Del(..) => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ferroplan::parser::{parse_domain, parse_problem};
+
+    use super::super::compress::changed;
+    use super::*;
+
+    #[test]
+    fn the_goal_waits_only_for_literals_that_it_is_about() {
+        let domain = "(define (domain d) (:requirements :durative-actions :timed-initial-literals) (:predicates (p) (q) (r))
+            (:durative-action a :parameters () :duration (= ?duration 1) :condition (over all (p)) :effect (at end (q))))";
+        let awaiting = |goal: &str| {
+            let problem =
+                format!("(define (problem x) (:domain d) (:init (p) (at 5 (not (p))) (at 9 (r))) (:goal {goal}))");
+            let (domain, problem) = (parse_domain(domain).unwrap(), parse_problem(&problem).unwrap());
+            let (flat, _) = snapped(&domain, &problem).unwrap();
+            let adds = |action: &&Action| changed(&action.effect).contains(&"AWAITED LITERALS");
+            flat.actions.iter().find(adds).map(|action| action.name.clone())
+        };
+        assert_eq!(awaiting("(q)"), None);
+        assert_eq!(awaiting("(p)").as_deref(), Some("HAPPEN 0"));
+        assert_eq!(awaiting("(and (p) (not (r)))").as_deref(), Some("HAPPEN 1"));
     }
 }
