@@ -108,8 +108,9 @@ impl Kinds {
     fn new(types: &[Typed]) -> Self {
         let mut parents: HashMap<String, Vec<String>> = HashMap::new();
         for typed in types {
-            let above = parents.entry(typed.name.as_str().to_lowercase()).or_default();
-            for parent in typed.kind.iter().flat_map(|kind| kind.iter()).map(|name| name.as_str().to_lowercase()) {
+            let above = parents.entry(typed.name.as_str().to_ascii_lowercase()).or_default();
+            for parent in typed.kind.iter().flat_map(|kind| kind.iter()).map(|name| name.as_str().to_ascii_lowercase())
+            {
                 if parent != OBJECT && !above.contains(&parent) {
                     above.push(parent);
                 }
@@ -159,7 +160,7 @@ impl Kinds {
 /// What is written after a dash, in lower case.
 fn names(kind: Option<&Type>) -> Vec<String> {
     match kind {
-        Some(kind) => kind.iter().map(|name| name.as_str().to_lowercase()).collect(),
+        Some(kind) => kind.iter().map(|name| name.as_str().to_ascii_lowercase()).collect(),
         None => vec![OBJECT.to_owned()],
     }
 }
@@ -188,7 +189,7 @@ impl Writer {
     fn new(kinds: Kinds, domain: &Domain) -> Self {
         let heads = domain.predicates.iter().chain(domain.derived.iter().map(|derived| &derived.head));
         let heads = heads.chain(domain.functions.iter().map(|function| &function.signature));
-        let taken = heads.map(|head| head.name.as_str().to_lowercase()).collect();
+        let taken = heads.map(|head| head.name.as_str().to_ascii_lowercase()).collect();
         Self { kinds, guards: Vec::new(), taken }
     }
 
@@ -246,7 +247,7 @@ impl Writer {
     fn types(&self, types: &[Typed]) -> Vec<Typed> {
         let (mut written, mut known) = (Vec::new(), HashSet::new());
         for typed in types {
-            let name = typed.name.as_str().to_lowercase();
+            let name = typed.name.as_str().to_ascii_lowercase();
             let first = self.kinds.first(&name);
             if known.insert(name.clone()) {
                 let kind = first.map(|first| [Name::from(first.as_str())].into());

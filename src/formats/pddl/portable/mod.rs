@@ -103,7 +103,7 @@ impl Sent {
     #[must_use]
     pub fn restore(&self, action: &Action) -> Action {
         let back = |names: &HashMap<String, String>, name: &String| {
-            names.get(&name.to_lowercase()).cloned().unwrap_or_else(|| name.clone())
+            names.get(&name.to_ascii_lowercase()).cloned().unwrap_or_else(|| name.clone())
         };
         Action {
             name: back(&self.actions, &action.name),
@@ -159,6 +159,17 @@ mod tests {
         let sent = send(&domain, &problem, None);
         assert!(sent.problem.contains("(p x_y-2)") && sent.problem.contains("(q x_y)"), "{}", sent.problem);
         assert!(sent.problem.contains("g-h"), "{}", sent.problem);
+    }
+
+    #[test]
+    fn only_the_case_of_ascii_letters_is_no_difference() {
+        let text = "(define (problem n) (:domain nm) (:objects \u{c9} \u{e9} \u{212a} k - t) (:init (p \u{c9})) (:goal (q k)))";
+        let (domain, problem) = task(DOMAIN, text);
+        let sent = send(&domain, &problem, None);
+        assert!(sent.problem.contains("(:objects n n-2 n-3 k - t)"), "{}", sent.problem);
+        let arguments = ["N", "n-2", "n-3", "K"].map(str::to_owned).to_vec();
+        let action = Action { name: "go-to".to_owned(), arguments, start: None, duration: None, line: 1 };
+        assert_eq!(sent.restore(&action).arguments, ["\u{c9}", "\u{e9}", "\u{212a}", "k"]);
     }
 
     #[test]

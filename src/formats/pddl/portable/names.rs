@@ -46,19 +46,21 @@ impl<'a> Names<'a> {
         let predicates = domain.predicates.iter().chain(domain.derived.iter().map(|derived| &derived.head));
         let functions = domain.functions.iter().map(|function| &function.signature);
         let applied: HashSet<String> =
-            predicates.chain(functions).map(|signature| signature.name.as_str().to_lowercase()).collect();
+            predicates.chain(functions).map(|signature| signature.name.as_str().to_ascii_lowercase()).collect();
         let constants = domain.functions.iter().map(|function| &function.signature);
         let constants = constants.filter(|signature| signature.parameters.is_empty());
         let mut constants: HashSet<String> =
-            constants.map(|signature| signature.name.as_str().to_lowercase()).collect();
+            constants.map(|signature| signature.name.as_str().to_ascii_lowercase()).collect();
         let names = domain.types.iter().chain(&domain.constants).chain(&problem.objects).map(|typed| &typed.name);
         constants.insert(TOTAL_TIME.to_owned());
-        let objects = domain.constants.iter().chain(&problem.objects).map(|typed| typed.name.as_str().to_lowercase());
+        let objects =
+            domain.constants.iter().chain(&problem.objects).map(|typed| typed.name.as_str().to_ascii_lowercase());
         let ambiguous = objects.filter(|name| constants.contains(name)).collect();
-        let numbers = names.clone().map(|name| name.as_str().to_lowercase()).filter(|name| is_number(name)).collect();
+        let numbers =
+            names.clone().map(|name| name.as_str().to_ascii_lowercase()).filter(|name| is_number(name)).collect();
         let actions = domain.actions.iter().map(|action| &action.name);
         let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
-        let names = names.chain(actions).map(|name| name.as_str().to_lowercase()).chain(applied.iter().cloned());
+        let names = names.chain(actions).map(|name| name.as_str().to_ascii_lowercase()).chain(applied.iter().cloned());
         let taken =
             names.filter(|name| is_plain(name)).chain(ADDED.map(str::to_owned)).chain(["object".to_owned()]).collect();
         let lengths = constants.iter().map(String::len).collect();
@@ -67,7 +69,7 @@ impl<'a> Names<'a> {
 
     /// What is sent for a name that has been written.
     pub(super) fn sent(&self, name: &str) -> String {
-        let name = name.to_lowercase();
+        let name = name.to_ascii_lowercase();
         self.renamed.get(&name).cloned().unwrap_or(name)
     }
 
@@ -76,7 +78,7 @@ impl<'a> Names<'a> {
         if !matches!(head, Head::Counting | Head::Equal) || self.is_no_constant(word) {
             return false;
         }
-        let name = word.to_lowercase();
+        let name = word.to_ascii_lowercase();
         self.constants.contains(&name) && !(head == Head::Equal && self.ambiguous.contains(&name))
     }
 
@@ -100,14 +102,14 @@ impl<'a> Names<'a> {
             "=" => Head::Equal,
             _ if COUNTING.iter().any(|counting| counting.eq_ignore_ascii_case(word)) => Head::Counting,
             // It matters only where a number is a name.
-            _ if !self.numbers.is_empty() && self.applied.contains(&word.to_lowercase()) => Head::Applied,
+            _ if !self.numbers.is_empty() && self.applied.contains(&word.to_ascii_lowercase()) => Head::Applied,
             _ => Head::Other,
         }
     }
 
     /// What is written for a word in a list that starts with `head`.
     pub(super) fn word(&mut self, word: &str, head: Head) -> String {
-        let lower = word.to_lowercase();
+        let lower = word.to_ascii_lowercase();
         if word.starts_with(':') || word == "-" || word == "#t" || is_operator(word) {
             return lower;
         }
