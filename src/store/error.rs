@@ -147,9 +147,13 @@ impl StoreError {
         }
     }
 
-    /// Whether it is about one document, and not about the store.
+    /// Whether it is about one document, and not about the store, or the time that has passed.
     pub(crate) fn is_of_document(&self) -> bool {
-        matches!(self, Self::Duplicate { .. } | Self::Query(_))
+        match self {
+            Self::Duplicate { .. } => true,
+            Self::Query(error) => error.code != QueryError::EXCEEDED_TIME_LIMIT,
+            _ => false,
+        }
     }
 
     /// The `_id`s that an insert stored before it failed.
