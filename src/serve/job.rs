@@ -115,17 +115,17 @@ pub(super) struct JobQueue {
 }
 
 /// No client.
-const NOBODY: i64 = 0;
+const NO_CLIENT: i64 = 0;
 
 impl JobQueue {
     /// Returns a queue, and where the writer takes jobs from it.
     pub(super) fn new() -> (Self, Receiver<Job>) {
         let (jobs, receiver) = channel();
-        (Self { jobs, turn: Mutex::new(()), last: AtomicI64::new(NOBODY) }, receiver)
+        (Self { jobs, turn: Mutex::new(()), last: AtomicI64::new(NO_CLIENT) }, receiver)
     }
 
     pub(super) fn submit(&self, job: Job) -> Result<(), Failure> {
-        self.submit_of(NOBODY, job)
+        self.submit_of(NO_CLIENT, job)
     }
 
     /// Submits a write of a client.
@@ -134,7 +134,7 @@ impl JobQueue {
         self.jobs.send(job).map_err(|_| Failure::new(codes::SHUTDOWN, "the server is shutting down"))
     }
 
-    /// Waits until nobody else writes.
+    /// Waits until no other thread writes.
     pub(super) fn turn(&self) -> Turn<'_> {
         self.turn.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -154,7 +154,7 @@ impl JobQueue {
     }
 }
 
-/// While it lives, nobody else writes.
+/// While it lives, no other thread writes.
 pub(super) type Turn<'a> = MutexGuard<'a, ()>;
 
 #[cfg(test)]
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_client_has_its_own_turn_only_where_it_wrote_last_and_nobody_writes() {
+    fn a_client_has_its_own_turn_only_where_it_wrote_last_and_no_thread_writes() {
         let (queue, _jobs) = JobQueue::new();
         assert!(queue.own_turn(1).is_none());
         queue.submit_of(1, Job::Stop).unwrap();

@@ -5,6 +5,7 @@
 //! a result without a value to merge on is found before any is changed. `$out` takes the place of the collection at the end
 //! ([`super::staged`]); where it fails, nothing is changed.
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use bson::{Bson, DateTime, Document, RawBsonRef, RawDocument, RawDocumentBuf, doc};
@@ -13,7 +14,7 @@ use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::scan::Found;
-use super::slices::{Slice, failed};
+use super::slices::Slice;
 use crate::interrupt::InterruptGuard;
 use crate::query::{Filter, Merge, Origin, Output, QueryError, Update, WhenMatched, WhenNotMatched, key};
 use crate::store::{ChangeKind, Namespace, StoreError, TakenKey, document};
@@ -73,10 +74,8 @@ impl Embedded {
     /// Merges results into a collection, in slices that let other processes write in between.
     fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
         let _guard = InterruptGuard::stopping();
-        let (mut is_swept, mut batch, mut changed, mut kept) = (false, Batch::default(), 0, 0);
-        let mut first = None;
-        let done = self.in_slices(&mut |limit| {
-            kept = changed;
+        let (mut is_swept, mut batch, mut first, changed) = (false, Batch::default(), None, Cell::new(0));
+        self.in_slices(&changed, &mut |limit| {
             let collection = self.ensure(ns)?;
             if !std::mem::replace(&mut is_swept, true) {
                 self.sweep(ns, collection)?;
@@ -90,7 +89,7 @@ impl Embedded {
                 }
                 let result = Document::try_from(&*result).map_err(QueryError::from)?;
                 match self.merge_one(&target, merge, result, now) {
-                    Ok(is_changed) => changed += u64::from(is_changed),
+                    Ok(is_changed) => changed.update(|count| count + u64::from(is_changed)),
                     Err(error) if error.is_of_document() => drop(first.get_or_insert(error)),
                     Err(error) => return Err(error),
                 }
@@ -98,16 +97,8 @@ impl Embedded {
                     return Ok(Slice::More);
                 }
             }
-            match first.take() {
-                None => Ok(Slice::Last),
-                Some(error) => failed(error, changed),
-            }
-        });
-        match done {
-            Ok(None) => Ok(()),
-            Ok(Some(failure)) => Err(failure.after(changed)),
-            Err(failure) => Err(failure.after(kept)),
-        }
+            Ok(first.take().map_or(Slice::Last, Slice::Failed))
+        })
     }
 
     /// The document that a result belongs to.

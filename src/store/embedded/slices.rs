@@ -5,6 +5,7 @@
 //! before it stay changed. A slice begins with the documents as they are then, matched again. Within a
 //! transaction there is one slice, which is a part of it.
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -48,7 +49,7 @@ pub(super) enum Slice {
     More,
     /// All is done.
     Last,
-    /// A document could not be changed; those before it were.
+    /// A document could not be changed, or the store has failed.
     Failed(StoreError),
 }
 
@@ -65,12 +66,6 @@ impl SliceLimit {
     pub(super) fn is_over(&self) -> bool {
         self.is_alone && self.start.elapsed() >= self.limit
     }
-}
-
-/// Ends a slice at a document that cannot be changed, after `done` others, which stay changed; but not where the store itself
-/// has failed.
-pub(super) fn failed(error: StoreError, done: u64) -> Result<Slice, StoreError> {
-    if done > 0 && error.is_of_document() { Ok(Slice::Failed(error)) } else { Err(error) }
 }
 
 /// What is done with a match; says whether it was changed.
@@ -91,10 +86,9 @@ impl Embedded {
         otherwise: &mut dyn FnMut() -> Result<(), StoreError>,
     ) -> Result<Met, StoreError> {
         let Selection { most, hint, is_sweeping } = selection;
-        let (mut open, mut met, mut kept) = (None, Met::default(), 0);
-        let done = self.in_slices(&mut |limit| {
-            kept = met.changed;
-            let Some(collection) = self.collection(ns)? else { return end(met, otherwise) };
+        let (mut open, mut matched, changed) = (None, 0, Cell::new(0));
+        self.in_slices(&changed, &mut |limit| {
+            let Some(collection) = self.collection(ns)? else { return end(matched, otherwise) };
             if open.is_none() && is_sweeping {
                 self.sweep(ns, collection)?;
             }
@@ -105,47 +99,52 @@ impl Embedded {
                 }
                 None => {
                     let most = usize::try_from(most).unwrap_or(usize::MAX);
-                    let scan =
-                        Scan::sorted(self, collection, filter, &Sort::none(), hint)?.at_most(most).up_to_failure();
-                    let (id, scan) = open.insert((collection.id, scan));
+                    let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?;
+                    let (id, scan) = open.insert((collection.id, scan.at_most(most).up_to_failure()));
                     (*id, scan)
                 }
             };
-            while met.matched < most && id == collection.id {
+            while matched < most && id == collection.id {
                 let Some(found) = scan.next() else { break };
                 match found.and_then(|found| work(collection, &found)) {
-                    Ok(is_changed) => met.changed += u64::from(is_changed),
-                    Err(error) => return failed(error, met.changed),
+                    Ok(is_changed) => changed.update(|count| count + u64::from(is_changed)),
+                    Err(error) => return Ok(Slice::Failed(error)),
                 }
-                met.matched += 1;
+                matched += 1;
                 if limit.is_over() {
                     return Ok(Slice::More);
                 }
             }
-            end(met, otherwise)
-        });
-        match done {
-            Ok(None) => Ok(met),
-            Ok(Some(failure)) => Err(failure.after(met.changed)),
-            Err(failure) => Err(failure.after(kept)),
-        }
+            end(matched, otherwise)
+        })?;
+        Ok(Met { matched, changed: changed.get() })
     }
 
-    /// Does something in slices; returns why it ended early, where it did.
+    /// Does something in slices; `changed` counts the documents that it changes. Where it fails at one document, those before
+    /// it stay changed; where the store fails, the slices before do.
     ///
     /// # Errors
-    /// Where a slice fails as a whole: those before it stay.
+    /// Where some stay changed, [`StoreError::Partial`]; where the user interrupts it between two slices,
+    /// [`StoreError::Interrupted`].
     pub(super) fn in_slices(
         &self,
+        changed: &Cell<u64>,
         work: &mut dyn FnMut(&SliceLimit) -> Result<Slice, StoreError>,
-    ) -> Result<Option<StoreError>, StoreError> {
+    ) -> Result<(), StoreError> {
         let is_alone = self.connection.is_autocommit();
         loop {
-            let slice = self.write(|| work(&SliceLimit { start: Instant::now(), limit: self.slice(), is_alone }))?;
-            match slice {
-                Slice::Last => return Ok(None),
-                Slice::Failed(error) => return Ok(Some(error)),
-                Slice::More if stops_work() => return Ok(Some(StoreError::Interrupted { done: 0 })),
+            let kept = changed.get();
+            let slice = self.write(|| {
+                let slice = work(&SliceLimit { start: Instant::now(), limit: self.slice(), is_alone })?;
+                match slice {
+                    Slice::Failed(error) if changed.get() == 0 || !error.is_of_document() => Err(error),
+                    slice => Ok(slice),
+                }
+            });
+            match slice.map_err(|error| error.after(kept))? {
+                Slice::Last => return Ok(()),
+                Slice::Failed(error) => return Err(error.after(changed.get())),
+                Slice::More if stops_work() => return Err(StoreError::Interrupted { done: changed.get() }),
                 Slice::More => std::thread::sleep(PAUSE_BETWEEN_SLICES),
             }
         }
@@ -158,8 +157,8 @@ impl Embedded {
 }
 
 /// The end of the last slice.
-fn end(met: Met, otherwise: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<Slice, StoreError> {
-    if met.matched == 0 {
+fn end(matched: u64, otherwise: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<Slice, StoreError> {
+    if matched == 0 {
         otherwise()?;
     }
     Ok(Slice::Last)

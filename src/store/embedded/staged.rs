@@ -1,6 +1,8 @@
 //! `$out`: a collection is filled beside the one that it replaces, in slices that let other processes write in between, and
 //! takes its place in one step, as on MongoDB.
 
+use std::cell::Cell;
+
 use bson::{Document, RawDocument};
 
 use super::Embedded;
@@ -54,7 +56,8 @@ impl Embedded {
         for index in indexes.iter().filter(|index| index.name != index::ID) {
             self.create(staged, index)?;
         }
-        let failure = self.in_slices(&mut |limit| {
+        // What is staged is no change: where it fails, it is removed.
+        self.in_slices(&Cell::new(0), &mut |limit| {
             let collection = self.ensure(staged)?;
             for result in &mut *results {
                 self.add_result(staged, collection, &result?)?;
@@ -64,7 +67,7 @@ impl Embedded {
             }
             Ok(Slice::Last)
         })?;
-        failure.map_or(Ok(indexes), Err)
+        Ok(indexes)
     }
 
     /// Gives a staged collection the name that it is for.

@@ -88,7 +88,7 @@ impl Confirmation {
         let mut least = bson::serialize_to_document(&self.least)?;
         let Some(asked) = asked.filter(|asked| !asked.is_empty()) else { return Ok(vec![least]) };
         match asked_of(asked) {
-            Asked::Nobody if !self.is_shared => Ok(Vec::new()),
+            Asked::Unacknowledged if !self.is_shared => Ok(Vec::new()),
             _ if !self.is_shared => Ok(vec![asked.clone()]),
             members => {
                 least.extend(asked.get("wtimeout").map(|limit| ("wtimeout".to_owned(), limit.clone())));
@@ -112,7 +112,8 @@ impl Confirmation {
 /// Who is to confirm a write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Asked {
-    Nobody,
+    /// No member: the write is not acknowledged.
+    Unacknowledged,
     /// The primary, a majority, or whoever does by default.
     Usual,
     /// So many members, or those that have tags.
@@ -130,7 +131,7 @@ pub(super) fn asked_of(concern: &Document) -> Asked {
         Some(_) => return Asked::Others,
     };
     match members {
-        0 if concern.get("j") != Some(&Bson::Boolean(true)) => Asked::Nobody,
+        0 if concern.get("j") != Some(&Bson::Boolean(true)) => Asked::Unacknowledged,
         0 | 1 => Asked::Usual,
         _ => Asked::Others,
     }
