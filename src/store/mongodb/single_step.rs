@@ -4,6 +4,9 @@
 //! the document: those that change whatever they meet, and those that set fields to values that the server can compare
 //! in a pipeline. Where a document has little beside the fields that are set, what a pipeline does to it is a replacement
 //! for change streams; there, the pipeline is made to fail.
+//!
+//! mongod takes longer to read a long pipeline than to do it. So the first one asks by `$ne` alone, which finds most
+//! changes, and fails where it finds none; the second one compares types and bytes, too.
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
@@ -17,21 +20,24 @@ use crate::store::{UpdateRequest, UpdateSpec};
 /// 65 on MongoDB 6.0, and some to spare.
 const OVERHEAD: usize = 68;
 
-/// The request with its metadata, where one can carry both. A pipeline that is refused says nothing yet.
-pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Option<UpdateRequest>, QueryError> {
-    let UpdateSpec::Document(update) = &request.update else { return Ok(None) };
+/// The requests that carry the metadata, to be tried in this order; none where one request cannot. A pipeline that is
+/// refused says nothing yet.
+pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Vec<UpdateRequest>, QueryError> {
+    let UpdateSpec::Document(update) = &request.update else { return Ok(Vec::new()) };
     if request.many || !request.array_filters.is_empty() {
-        return Ok(None);
+        return Ok(Vec::new());
     }
-    let same = UpdateRequest { upsert: false, ..request.clone() };
+    let same = |update: UpdateSpec| UpdateRequest { update, upsert: false, ..request.clone() };
     if update.iter().any(|(operator, fields)| always_changes(operator, fields)) {
         let mut update = update.clone();
         add_field(&mut update, "$set", UPDATED, at)?;
-        return Ok(Some(UpdateRequest { update: UpdateSpec::Document(update), ..same }));
+        return Ok(vec![same(UpdateSpec::Document(update))]);
     }
-    let Some(values) = plain_values(update) else { return Ok(None) };
+    let Some(values) = plain_values(update) else { return Ok(Vec::new()) };
     let least = RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + OVERHEAD;
-    Ok(Some(UpdateRequest { update: UpdateSpec::Pipeline(vec![compared(values, least, at)]), ..same }))
+    let exact = is_comparable(&values).then(|| compared(&values, least, at));
+    let pipelines = [Some(changed(&values, least, at)), exact];
+    Ok(pipelines.into_iter().flatten().map(|stages| same(UpdateSpec::Pipeline(stages))).collect())
 }
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
@@ -57,17 +63,34 @@ fn plain_values(update: &Document) -> Option<Vec<(&str, &Bson)>> {
             && !name.starts_with(|c: char| c.is_ascii_digit())
             && !name.contains(['.', '$'])
     };
-    if operator != "$set" || fields.is_empty() || !fields.keys().all(|name| is_name(name)) {
+    if operator != "$set" || fields.is_empty() || !fields.iter().all(|(name, value)| is_name(name) && is_literal(value))
+    {
         return None;
     }
-    fields.values().try_fold(0, |sum, value| Some(sum + count(value)?)).filter(|count| *count <= MOST_VALUES)?;
     let mut values: Vec<_> = fields.iter().map(|(name, value)| (name.as_str(), value)).collect();
     values.sort_unstable_by_key(|(name, _)| *name);
     Some(values)
 }
 
-/// How many values the server compares to see whether a document changes, at most.
+/// Whether the server sets a field to the value as it is. (It writes the time into an empty timestamp.)
+fn is_literal(value: &Bson) -> bool {
+    match value {
+        Bson::Array(values) => values.iter().all(is_literal),
+        Bson::Document(fields) => fields.values().all(is_literal),
+        Bson::Double(_) | Bson::String(_) | Bson::Int32(_) | Bson::Int64(_) | Bson::Boolean(_) | Bson::Null => true,
+        Bson::DateTime(_) | Bson::ObjectId(_) | Bson::Decimal128(_) | Bson::Binary(_) => true,
+        _ => false,
+    }
+}
+
+/// How many values the server compares with their types and bytes to see whether a document changes, at most.
 const MOST_VALUES: usize = 32;
+
+/// Whether the server can tell that none of the fields changes.
+fn is_comparable(values: &[(&str, &Bson)]) -> bool {
+    let count = values.iter().try_fold(0, |sum, (_, value)| Some(sum + count(value)?));
+    count.is_some_and(|count| count <= MOST_VALUES)
+}
 
 /// How many values there are to compare; nothing where one is of a type for which the server has no exact comparison.
 fn count(value: &Bson) -> Option<usize> {
@@ -81,17 +104,44 @@ fn count(value: &Bson) -> Option<usize> {
     }
 }
 
-/// The stage that sets fields, and the date of the change, where one of them is another than before. It fails where the
-/// document has fewer bytes then.
-fn compared(values: Vec<(&str, &Bson)>, least: usize, at: DateTime) -> Document {
+/// The stages that set fields, and the date of the change. They fail where the server's comparison finds no field changed,
+/// which is less than that none is: 1 equals 1.0. They also fail where the document has fewer bytes then.
+fn changed(values: &[(&str, &Bson)], least: usize, at: DateTime) -> Vec<Document> {
+    let is_other = |(name, value): &(&str, &Bson)| doc! { "$ne": [format!("${name}"), { "$literal": *value }] };
+    let mut differences = values.iter().map(is_other);
+    let differs = match (differences.next(), values.len()) {
+        (Some(only), 1) => only,
+        (first, _) => doc! { "$or": first.into_iter().chain(differences).collect::<Vec<_>>() },
+    };
+    // `$mergeObjects` refuses what is no document.
+    let date = doc! { "$cond": [differs, { INFO: dated(at) }, "unchanged"] };
+    let set = doc! { "$replaceWith": { "$mergeObjects": ["$$ROOT", date, literal(values)] } };
+    vec![set, doc! { "$replaceWith": where_large("$$ROOT", least) }]
+}
+
+/// The stage that does the same where a field is another than before, also where only its type or a byte is, and leaves
+/// the document as it is where none is.
+fn compared(values: &[(&str, &Bson)], least: usize, at: DateTime) -> Vec<Document> {
     let differences: Vec<Bson> = values.iter().map(|(name, value)| differs(format!("${name}"), value).into()).collect();
-    let dated = doc! { INFO: { "$mergeObjects": [format!("${INFO}"), { UPDATED: at }] } };
-    let fields: Document = values.into_iter().map(|(name, value)| (name.to_owned(), value.clone())).collect();
-    let after = doc! { "$mergeObjects": ["$$ROOT", dated, { "$literal": fields }] };
-    // What is no document is refused.
-    let large = doc! { "$cond": [{ "$gte": [{ "$bsonSize": "$$after" }, whole(least)] }, "$$after", "too small"] };
-    let changed = doc! { "$let": { "vars": { "after": after }, "in": large } };
-    doc! { "$replaceWith": { "$cond": [{ "$or": differences }, changed, "$$ROOT"] } }
+    let after = doc! { "$mergeObjects": ["$$ROOT", { INFO: dated(at) }, literal(values)] };
+    let changed = doc! { "$let": { "vars": { "after": after }, "in": where_large("$$after", least) } };
+    vec![doc! { "$replaceWith": { "$cond": [{ "$or": differences }, changed, "$$ROOT"] } }]
+}
+
+/// The metadata with the date of the change.
+fn dated(at: DateTime) -> Document {
+    doc! { "$mergeObjects": [format!("${INFO}"), { UPDATED: at }] }
+}
+
+/// The fields that are set.
+fn literal(values: &[(&str, &Bson)]) -> Document {
+    let fields: Document = values.iter().map(|(name, value)| ((*name).to_owned(), (*value).clone())).collect();
+    doc! { "$literal": fields }
+}
+
+/// A document of at least so many bytes; a text, which is refused, where it has fewer.
+fn where_large(document: &str, least: usize) -> Document {
+    doc! { "$cond": [{ "$gte": [{ "$bsonSize": document }, whole(least)] }, document, "too small"] }
 }
 
 /// Whether an expression gives another value, or one of another type.
@@ -151,10 +201,12 @@ mod tests {
         let kind = |update: Document| {
             let filter = doc! { "name": "a" };
             let request = UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() };
-            match with_metadata(&request, DateTime::from_millis(1)).unwrap().map(|request| request.update) {
-                Some(UpdateSpec::Document(_)) => "sure",
-                Some(UpdateSpec::Pipeline(_)) => "compared",
-                None => "read",
+            let requests = with_metadata(&request, DateTime::from_millis(1)).unwrap();
+            match requests.iter().map(|request| &request.update).collect::<Vec<_>>().as_slice() {
+                [UpdateSpec::Document(_)] => "sure",
+                [UpdateSpec::Pipeline(_), UpdateSpec::Pipeline(_)] => "compared",
+                [UpdateSpec::Pipeline(_)] => "compared unless equal",
+                _ => "read",
             }
         };
         for sure in [
@@ -170,15 +222,17 @@ mod tests {
         ] {
             assert_eq!(kind(compared.clone()), "compared", "{compared}");
         }
+        for unless_equal in [doc! { "$set": { "a": vec![1; 32] } }, doc! { "$set": { "a": [f64::NAN] } }] {
+            assert_eq!(kind(unless_equal.clone()), "compared unless equal", "{unless_equal}");
+        }
         for read in [
             doc! {},
             doc! { "a": 1 },
             doc! { "$set": {} },
             doc! { "$set": { "_id": 1 } },
             doc! { "$set": { "a.b": 1 } },
-            doc! { "$set": { "a": vec![1; 32] } },
-            doc! { "$set": { "a": [f64::NAN] } },
             doc! { "$set": { "1": 1 } },
+            doc! { "$set": { "a": bson::Timestamp { time: 0, increment: 0 } } },
             doc! { "$set": { "a": 1 }, "$unset": { "b": 1 } },
             doc! { "$inc": { "n": 0 } },
             doc! { "$inc": { "l.$[].n": 1 } },

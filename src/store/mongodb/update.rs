@@ -40,18 +40,35 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         metadata::check_update(&request.update)?;
-        let is_pipeline = |single: &UpdateRequest| matches!(single.update, UpdateSpec::Pipeline(_));
-        let single = single_step::with_metadata(request, at)?;
-        let single = single.filter(|single| !is_pipeline(single) || self.notes_what_pipelines_change());
-        let done = match single.map(|single| (is_pipeline(&single), self.apply(ns, &single))) {
-            // It may be too small, or what a pipeline cannot be with.
-            None | Some((true, Err(StoreError::Query(_)))) => self.update_what_is_read(ns, request, at)?,
-            Some((_, done)) => done?,
+        let done = match self.in_one_request(ns, request, at)? {
+            Some(done) => done,
+            None => self.update_what_is_read(ns, request, at)?,
         };
         if done.matched > 0 || !request.upsert {
             return Ok(done);
         }
         self.apply(ns, &UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
+    }
+
+    /// Updates the first match with its metadata by one request; nothing is done where none of those tried can.
+    fn in_one_request(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        at: DateTime,
+    ) -> Result<Option<Updated>, StoreError> {
+        for single in single_step::with_metadata(request, at)? {
+            let is_pipeline = matches!(single.update, UpdateSpec::Pipeline(_));
+            if is_pipeline && !self.notes_what_pipelines_change() {
+                return Ok(None);
+            }
+            match self.apply(ns, &single) {
+                // The document may be too small or the same, or what the request has may not go with a pipeline.
+                Err(StoreError::Query(_)) if is_pipeline => {}
+                done => return done.map(Some),
+            }
+        }
+        Ok(None)
     }
 
     fn update_what_is_read(
