@@ -3,13 +3,13 @@
 use bson::{Bson, Document, doc};
 
 use super::MongoDb;
-use super::visible::behind_expression;
+use super::visible::for_server;
 use crate::saturate::to_i64;
 use crate::store::{Find, Namespace, StoreError};
 
 impl MongoDb {
     pub(super) fn explanation(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
-        let filter = behind_expression(&find.filter).into_owned();
+        let filter = for_server(find)?.0.into_owned();
         let mut query = doc! { "find": &ns.collection, "filter": filter };
         for (key, document) in [("sort", &find.sort), ("projection", &find.projection)] {
             if !document.is_empty() {

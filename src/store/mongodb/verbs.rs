@@ -9,7 +9,7 @@ use mongodb::results::UpdateResult;
 
 use super::history::Made;
 use super::update::is_replacement;
-use super::visible::{behind_expression, in_stages};
+use super::visible::{behind_expression, for_server, in_stages};
 use super::{MongoDb, failure};
 use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
@@ -74,7 +74,8 @@ impl Store for MongoDb {
 
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
         let collection = if find.current { self.on_primary(ns) } else { self.collection(ns) };
-        let mut action = collection.find(behind_expression(&find.filter).into_owned());
+        let (filter, seen) = for_server(find)?;
+        let mut action = collection.find(filter.into_owned());
         if !find.sort.is_empty() {
             action = action.sort(find.sort.clone());
         }
@@ -92,7 +93,15 @@ impl Store for MongoDb {
             action = action.limit(to_i64(find.limit));
         }
         let cursor = action.run().map_err(|e| self.explain(&e))?;
-        Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
+        let found = cursor.map(|document| document.map_err(|e| self.explain(&e)));
+        let Some(seen) = seen else { return Ok(Box::new(found)) };
+        Ok(Box::new(found.filter_map(move |document| match document {
+            Ok(document) => match seen.matches(&document) {
+                Ok(is_seen) => is_seen.then_some(Ok(document)),
+                Err(error) => Some(Err(error.into())),
+            },
+            Err(error) => Some(Err(error)),
+        })))
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {

@@ -1,17 +1,23 @@
-//! `$expr` beside the conditions by which documents are seen, as the server evaluates both quickest.
+//! The conditions by which documents are seen, where they cost least.
 //!
+//! Each condition takes mongod a few microseconds to read, and keeps it from its short way to a document by `_id`. Where
+//! whole documents are read, and all of them, rmem evaluates the conditions: few documents have decayed and are not removed.
+//!
+//! Elsewhere they stand beside what is asked for, which may be an `$expr`.
 //! mongod evaluates the parts of an `$and` in an order of its own: `$not` and `$exists` come before `$expr`. So it looks for
 //! the metadata in every document, also where few documents satisfy the expression. Written into the expression, behind
 //! what is asked for, the conditions are evaluated for those few only. An index that serves the expression serves it there,
 //! too.
 //!
-//! This is for expressions that cannot fail: another one could fail on a document that has decayed.
+//! Both are for expressions that cannot fail: another one could fail on a document that has decayed.
 
 use std::borrow::Cow;
 
 use bson::{Bson, DateTime, Document, doc};
 
+use crate::query::Filter;
 use crate::store::metadata::{self, DECAY_PATH, INFO, TOKEN_PATH};
+use crate::store::{Find, StoreError};
 
 /// Operators that have a value whatever their arguments are.
 const TOTAL: [&str; 14] = [
@@ -39,13 +45,58 @@ pub(super) fn in_stages(stages: &[Document]) -> Vec<Document> {
     stages.iter().map(|stage| stage.iter().map(filter).collect()).collect()
 }
 
+/// The filter for the server, and the condition by which what it returns is seen, where that is left to rmem.
+pub(super) fn for_server(find: &Find) -> Result<(Cow<'_, Document>, Option<Filter>), StoreError> {
+    Ok(match apart(find)? {
+        Some((asked, seen)) => (Cow::Borrowed(asked), Some(seen)),
+        None => (behind_expression(&find.filter), None),
+    })
+}
+
+/// What is asked for, and the condition by which documents are seen; nothing where the server has to evaluate both, since
+/// it counts documents or returns parts of them.
+fn apart(find: &Find) -> Result<Option<(&Document, Filter)>, StoreError> {
+    let Some((asked, at)) = asked(&find.filter) else { return Ok(None) };
+    let counts = find.skip > 0 || find.limit > 0 && !is_one(asked);
+    if counts || !find.projection.is_empty() || !asked.iter().all(|(name, value)| never_fails(name, value)) {
+        return Ok(None);
+    }
+    Ok(Some((asked, Filter::parse(&metadata::stored(at))?)))
+}
+
+/// What is asked for beside the conditions on the metadata, and the time at which stored documents are seen; nothing where
+/// the filter has another form.
+fn asked(filter: &Document) -> Option<(&Document, DateTime)> {
+    let [Bson::Document(asked), Bson::Document(seen)] = filter.get_array("$and").ok()?.as_slice() else { return None };
+    let at = *seen.get_document(DECAY_PATH).ok()?.get_document("$not").ok()?.get_datetime("$lte").ok()?;
+    (filter.len() == 1 && *seen == metadata::stored(at)).then_some((asked, at))
+}
+
+/// Whether at most one document can match.
+fn is_one(filter: &Document) -> bool {
+    match filter.get("_id") {
+        Some(Bson::Document(id)) => !id.keys().any(|key| key.starts_with('$')),
+        id => matches!(id, Some(Bson::ObjectId(_) | Bson::String(_) | Bson::Int32(_) | Bson::Int64(_))),
+    }
+}
+
+/// Whether no part of a filter can fail on a document.
+fn never_fails(name: &str, value: &Bson) -> bool {
+    match (name, value) {
+        ("$expr", expression) => is_total(expression),
+        ("$where", _) => false,
+        (_, Bson::Document(fields)) => fields.iter().all(|(name, value)| never_fails(name, value)),
+        (_, Bson::Array(items)) => items.iter().all(|item| never_fails("", item)),
+        _ => true,
+    }
+}
+
 /// What is asked for, its expression, and the time at which stored documents are seen; nothing where the filter has
 /// another form.
 fn parts(filter: &Document) -> Option<(&Document, &Bson, DateTime)> {
-    let [Bson::Document(asked), Bson::Document(seen)] = filter.get_array("$and").ok()?.as_slice() else { return None };
-    let at = *seen.get_document(DECAY_PATH).ok()?.get_document("$not").ok()?.get_datetime("$lte").ok()?;
+    let (asked, at) = asked(filter)?;
     let expression = asked.get("$expr").filter(|expression| is_total(expression))?;
-    (filter.len() == 1 && *seen == metadata::stored(at)).then_some((asked, expression, at))
+    Some((asked, expression, at))
 }
 
 /// Whether an expression has a value for every document.
@@ -94,7 +145,6 @@ fn is_document(value: &str) -> Document {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::Filter;
 
     /// As a memory asks for stored documents.
     fn seen(asked: Document, at: DateTime) -> Document {
@@ -135,6 +185,38 @@ mod tests {
                 assert_eq!(matches(&moved), matches(&asked), "{document}");
             }
         }
+    }
+
+    #[test]
+    fn the_server_is_asked_alone_where_it_neither_counts_nor_cuts_and_cannot_fail() {
+        let at = DateTime::from_millis(10);
+        let find = |filter: Document| Find { filter, ..Find::default() };
+        let limited = |filter: Document| Find { limit: 1, ..find(filter) };
+        let alone = |find: &Find| apart(find).unwrap().map(|(asked, _)| asked.clone());
+        for asked in [
+            doc! { "name": "cup", "$or": [{ "n": { "$gt": 1 } }, { "$expr": { "$ne": ["$a", "$b"] } }] },
+            doc! { "_id": { "$in": [1, 2] } },
+        ] {
+            assert_eq!(alone(&find(seen(asked.clone(), at))), Some(asked.clone()));
+            assert_eq!(alone(&limited(seen(asked.clone(), at))), None, "{asked}");
+        }
+        for one in [doc! { "_id": 1 }, doc! { "_id": { "a": 1 }, "name": "cup" }] {
+            assert_eq!(alone(&limited(seen(one.clone(), at))), Some(one));
+        }
+        for whole in [
+            find(doc! { "name": "cup" }),
+            find(seen(doc! { "$expr": { "$divide": [1, "$n"] } }, at)),
+            find(seen(doc! { "$or": [{ "a": 1 }, { "$nor": [{ "$where": "this.a" }] }] }, at)),
+            Find { skip: 1, ..find(seen(doc! { "_id": 1 }, at)) },
+            Find { projection: doc! { "name": 1 }, ..find(seen(doc! { "_id": 1 }, at)) },
+            limited(seen(doc! { "_id": Bson::Null }, at)),
+        ] {
+            assert_eq!(alone(&whole), None, "{whole:?}");
+        }
+        let stored = find(seen(doc! { "name": "cup" }, at));
+        let (_, condition) = apart(&stored).unwrap().unwrap();
+        let is_seen = |document: Document| condition.matches_document(&document).unwrap();
+        assert!(is_seen(doc! { "name": "cup" }) && !is_seen(doc! { INFO: { "decay_time": at } }));
     }
 
     #[test]
