@@ -98,7 +98,8 @@ impl Pattern {
             });
         }
         if options.contains_key(wildcard::PROJECTION) {
-            return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}"));
+            return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}")
+                .about("wildcardProjection"));
         }
         let mut keys = Keys::default();
         for (name, direction) in pattern {

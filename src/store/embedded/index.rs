@@ -443,7 +443,7 @@ fn check_plain(filter: &Document) -> Result<(), QueryError> {
     for (name, value) in filter {
         if name.starts_with('$') && !PLAIN.contains(&name.as_str()) || name == "$exists" && is_false(value) {
             let message = format!("the partialFilterExpression of an index cannot have {name}: {value}");
-            return Err(QueryError::invalid(CANNOT_CREATE, message));
+            return Err(QueryError::invalid(CANNOT_CREATE, message).about(name));
         }
         let inner: Vec<&Document> = match value {
             // What is in these is a place.

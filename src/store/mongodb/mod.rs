@@ -17,6 +17,7 @@ mod index;
 mod keeping;
 mod position;
 mod raw;
+mod server_message;
 mod single_step;
 mod update;
 mod verbs;
