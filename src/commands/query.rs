@@ -11,7 +11,7 @@ use crate::exit::Exit;
 use crate::fault::{AtFault as _, Fault};
 use crate::formats::{Diagnostic, Source, Span, mongosh, nearest, shell};
 use crate::memory::{Diagnosis, Memory};
-use crate::query::{Mistake, known_names, misplaced};
+use crate::query::{QueryMistake, known_names, misplaced};
 use crate::store::{Find, Namespace, StoreError};
 
 /// What stands below the help of `query`.
@@ -214,17 +214,17 @@ fn behind_key(query: &Source, operator: &str) -> Option<String> {
 }
 
 /// What to write instead of a mistake; `written` is the name that it is about, as `source` has it.
-fn advice(mistake: Mistake, written: &str, source: &Source) -> Option<String> {
+fn advice(mistake: QueryMistake, written: &str, source: &Source) -> Option<String> {
     match mistake {
-        Mistake::UnknownName(context) => misplaced(context, written, behind_key(source, written)).or_else(|| {
+        QueryMistake::UnknownName(context) => misplaced(context, written, behind_key(source, written)).or_else(|| {
             let meant = nearest(written, known_names(context).iter().copied())?;
             Some(format!("did you mean `{meant}`?"))
         }),
-        Mistake::NoArray => Some(format!("write {written}: [{{a: 1}}, {{b: 2}}]")),
-        Mistake::NoGroupId => {
+        QueryMistake::NoArray => Some(format!("write {written}: [{{a: 1}}, {{b: 2}}]")),
+        QueryMistake::NoGroupId => {
             Some("_id: '$key' makes a group for each value of key, _id: null makes one group".to_owned())
         }
-        Mistake::Hint | Mistake::InFunction(_) => None,
+        QueryMistake::Hint | QueryMistake::InFunction(_) => None,
     }
 }
 
@@ -249,7 +249,7 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
     // The default of a query was not typed.
     let given = texts.iter().copied().filter(|(_, text)| !matches!(*text, "" | "{}"));
     let (hints, others): (Vec<_>, Vec<_>) = given.partition(|(name, _)| *name == HINT);
-    let texts = if hints.is_empty() || query.mistake != Some(Mistake::Hint) { others } else { hints };
+    let texts = if hints.is_empty() || query.mistake != Some(QueryMistake::Hint) { others } else { hints };
     let all: Vec<&str> = texts.iter().map(|(_, text)| *text).collect();
     let place = query.place_among(&all).and_then(|(number, place)| Some((texts.get(number)?, place)));
     match (place, texts.as_slice()) {

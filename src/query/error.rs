@@ -13,7 +13,7 @@ pub struct QueryError {
     /// The operators and fields that it is about, like `$where` or `/a|b/`: the innermost first, then what encloses it.
     pub names: Vec<String>,
     /// What kind of mistake it is, where there is advice for the kind.
-    pub mistake: Option<Mistake>,
+    pub mistake: Option<QueryMistake>,
     /// Whether it is valid MongoDB that rmem does not support.
     pub unsupported: bool,
     /// A lower-case fragment that names operator and field.
@@ -22,7 +22,7 @@ pub struct QueryError {
 
 /// A kind of mistake for which there is advice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mistake {
+pub enum QueryMistake {
     /// An operator or a stage that is not known where it stands.
     UnknownName(NameContext),
     /// An operator of filters whose argument has to be an array, like `$or`, and is not.
@@ -141,7 +141,7 @@ impl QueryError {
 
     /// Returns the error with the kind of mistake it is.
     #[must_use]
-    pub fn of_kind(self, mistake: Mistake) -> Self {
+    pub fn of_kind(self, mistake: QueryMistake) -> Self {
         Self { mistake: Some(mistake), ..self }
     }
 
@@ -149,7 +149,7 @@ impl QueryError {
     #[must_use]
     pub fn function(&self) -> Option<&'static str> {
         match self.mistake {
-            Some(Mistake::InFunction(function)) => Some(function),
+            Some(QueryMistake::InFunction(function)) => Some(function),
             _ => None,
         }
     }

@@ -203,13 +203,13 @@ pub fn known_names(context: NameContext) -> &'static [&'static str] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Filter, Mistake, Pipeline, QueryError, Update};
+    use crate::query::{Filter, Pipeline, QueryError, QueryMistake, Update};
     use bson::doc;
 
     /// Where the name stands that an error says is unknown; none where it is about something else.
     fn context(error: Option<&QueryError>) -> Option<NameContext> {
         match error?.mistake? {
-            Mistake::UnknownName(context) => Some(context),
+            QueryMistake::UnknownName(context) => Some(context),
             _ => None,
         }
     }

@@ -7,7 +7,7 @@ use super::schema::Schema;
 use super::test::{Leaf, Test};
 use super::tree::{Node, TextSearch};
 use crate::query::dollar::{is_operators, is_reference_key};
-use crate::query::error::{Mistake, NameContext, QueryError, Result};
+use crate::query::error::{NameContext, QueryError, QueryMistake, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::geo::{Near, OPERATORS};
 use crate::query::javascript::Program;
@@ -156,7 +156,7 @@ impl<'a> Parser<'a> {
 
     fn filters(&self, name: &str, value: &Bson) -> Result<Vec<Node>> {
         let Bson::Array(items) = value else {
-            return Err(QueryError::bad_value(format!("{name} must be an array")).of_kind(Mistake::NoArray));
+            return Err(QueryError::bad_value(format!("{name} must be an array")).of_kind(QueryMistake::NoArray));
         };
         if items.is_empty() {
             return Err(QueryError::bad_value(format!("{name} must be a nonempty array")));
@@ -219,7 +219,7 @@ impl<'a> Parser<'a> {
 
 /// The error for a name that is known nowhere, or not where it stands.
 pub(super) fn unknown(context: NameContext, name: &str, what: &str) -> QueryError {
-    QueryError::bad_value(format!("{what}: {name}")).about(name).of_kind(Mistake::UnknownName(context))
+    QueryError::bad_value(format!("{what}: {name}")).about(name).of_kind(QueryMistake::UnknownName(context))
 }
 
 /// Returns the elements of an operator's array.

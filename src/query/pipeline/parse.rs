@@ -18,7 +18,7 @@ use super::unset::plain_names;
 use super::unwind::Unwind;
 use super::window::Window;
 use crate::query::decimal::Rounding;
-use crate::query::error::{Mistake, NameContext, QueryError, Result};
+use crate::query::error::{NameContext, QueryError, QueryMistake, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Filter, Parser};
 use crate::query::number::Number;
@@ -172,7 +172,7 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Position, stages: &m
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
         _ => {
             let error = QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"));
-            return Err(error.of_kind(Mistake::UnknownName(NameContext::Stage)));
+            return Err(error.of_kind(QueryMistake::UnknownName(NameContext::Stage)));
         }
     };
     stages.push(stage);

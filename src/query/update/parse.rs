@@ -5,7 +5,7 @@ use bson::{Bson, Document};
 use super::array::{self, Pull, Push};
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Bitwise, Modifier, Segment, check_conflicts, order, path};
-use crate::query::error::{BAD_VALUE, Mistake, NameContext, QueryError, Result};
+use crate::query::error::{BAD_VALUE, NameContext, QueryError, QueryMistake, Result};
 use crate::query::number::Number;
 
 /// Reads the argument of an operator at a path.
@@ -41,7 +41,7 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
                 format!("unknown modifier: {name}; expected an update operator, a replacement, or a pipeline");
             return Err(QueryError::failed_to_parse(message)
                 .about(name)
-                .of_kind(Mistake::UnknownName(NameContext::Update)));
+                .of_kind(QueryMistake::UnknownName(NameContext::Update)));
         };
         let Bson::Document(fields) = argument else {
             return Err(

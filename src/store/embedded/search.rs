@@ -11,7 +11,7 @@ use super::catalog::Collection;
 use super::indexed::{Indexed, Indexes, PARTIAL};
 use super::scan::Scan;
 use crate::query::text::{self, TextIndex};
-use crate::query::{Filter, Mistake, QueryError, Sort};
+use crate::query::{Filter, QueryError, QueryMistake, Sort};
 use crate::store::{Documents, Hint, Namespace, StoreError};
 
 /// MongoDB's code for a query that no index answers which needs one.
@@ -29,7 +29,7 @@ impl Embedded {
         let index = text_index(indexes)?;
         if hint.is_some() {
             return Err(QueryError::bad_value("$text takes no hint: there is one text index")
-                .of_kind(Mistake::Hint)
+                .of_kind(QueryMistake::Hint)
                 .into());
         }
         check_fixed(index.1, filter)?;

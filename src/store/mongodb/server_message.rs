@@ -1,7 +1,7 @@
 //! Reads what the message of a server is about. A server says it in words only: this is the one place that takes names
 //! from a message.
 
-use crate::query::{Mistake, NameContext, QueryError};
+use crate::query::{NameContext, QueryError, QueryMistake};
 
 /// What the messages about unknown names begin with, in small letters, and where such a name stands.
 const UNKNOWN_NAMES: [(&str, NameContext); 4] = [
@@ -27,19 +27,19 @@ fn operators(message: &str) -> impl Iterator<Item = &str> {
 }
 
 /// What kind of mistake a message is about, where there is advice for it.
-fn mistake(message: &str) -> Option<Mistake> {
+fn mistake(message: &str) -> Option<QueryMistake> {
     let words = message.to_lowercase();
     if let Some((_, context)) = UNKNOWN_NAMES.iter().find(|(beginning, _)| words.starts_with(beginning)) {
-        return Some(Mistake::UnknownName(*context));
+        return Some(QueryMistake::UnknownName(*context));
     }
     let is_list = |operator: &str| words.strip_prefix(operator).is_some_and(|rest| rest == " must be an array");
     if ["$and", "$or", "$nor"].into_iter().any(is_list) {
-        return Some(Mistake::NoArray);
+        return Some(QueryMistake::NoArray);
     }
     if words == "a group specification must include an _id" {
-        return Some(Mistake::NoGroupId);
+        return Some(QueryMistake::NoGroupId);
     }
-    words.contains("hint").then_some(Mistake::Hint)
+    words.contains("hint").then_some(QueryMistake::Hint)
 }
 
 #[cfg(test)]
@@ -48,8 +48,8 @@ mod tests {
 
     #[test]
     fn a_message_names_its_operators_and_its_kind() {
-        let unknown = |context| Some(Mistake::UnknownName(context));
-        let table: [(&str, &[&str], Option<Mistake>); 8] = [
+        let unknown = |context| Some(QueryMistake::UnknownName(context));
+        let table: [(&str, &[&str], Option<QueryMistake>); 8] = [
             ("unknown operator: $exits", &["$exits"], unknown(NameContext::Condition)),
             (
                 "unknown top level operator: $gt. If you have a field name that starts with a '$' symbol, consider using \
@@ -63,9 +63,9 @@ mod tests {
                 unknown(NameContext::Update),
             ),
             ("Unrecognized pipeline stage name: '$mach'", &["$mach"], unknown(NameContext::Stage)),
-            ("$or must be an array", &["$or"], Some(Mistake::NoArray)),
-            ("a group specification must include an _id", &[], Some(Mistake::NoGroupId)),
-            ("hint provided does not correspond to an existing index", &[], Some(Mistake::Hint)),
+            ("$or must be an array", &["$or"], Some(QueryMistake::NoArray)),
+            ("a group specification must include an _id", &[], Some(QueryMistake::NoGroupId)),
+            ("hint provided does not correspond to an existing index", &[], Some(QueryMistake::Hint)),
             ("Invalid $project :: caused by :: Unknown expression $nope", &["$project", "$nope"], None),
         ];
         for (message, names, mistake) in table {
