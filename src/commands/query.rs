@@ -5,6 +5,7 @@ use clap::Args;
 
 use super::at::AtArgs;
 use super::modifiers::{HINT, ModifierArgs};
+use super::read::ReadArgs;
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
@@ -46,12 +47,9 @@ pub struct QueryArgs {
     /// Show the metadata of documents, under `_robmem_info`
     #[arg(long)]
     pub meta: bool,
-    /// Include all that computables have in the cache
-    #[arg(long)]
-    pub computed: bool,
-    /// Fail if the collection does not exist
-    #[arg(long)]
-    pub strict: bool,
+    /// Which documents are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// The memory as it was.
     #[command(flatten)]
     pub past: AtArgs,
@@ -88,10 +86,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         args.modifiers.hint(),
     ];
     let memory = args.past.memory(context)?;
-    memory.show_computed(args.computed);
-    if args.strict {
-        missing::refuse(&args.namespace, &memory, context)?;
-    }
+    args.read.apply(&args.namespace, &memory, context)?;
     if args.why {
         let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &texts))?;
         return why(&diagnosis, &memory, context);
