@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::modifiers::ModifierArgs;
 use super::query::{blame, of_mongosh, owned};
+use super::read::ReadArgs;
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -21,12 +22,9 @@ pub struct AggregateArgs {
     /// Array of stages, e.g. '[{$match: {n: 1}}, {$limit: 5}]'
     #[arg(value_name = "PIPELINE")]
     pub pipeline: String,
-    /// Include all that computables have in the cache
-    #[arg(long)]
-    pub computed: bool,
-    /// Fail if the collection does not exist
-    #[arg(long)]
-    pub strict: bool,
+    /// Which documents are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// How strings compare, variables, and the index to read.
     #[command(flatten)]
     pub modifiers: ModifierArgs,
@@ -36,10 +34,7 @@ pub(super) fn run(args: &AggregateArgs, context: &mut Context<'_>) -> Result<Exi
     let pipeline = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))
         .map_err(|error| of_mongosh(error, &args.namespace, &args.pipeline))?;
     let memory = context.memory()?;
-    memory.show_computed(args.computed);
-    if args.strict {
-        missing::refuse(&args.namespace, &memory, context)?;
-    }
+    args.read.apply(&args.namespace, &memory, context)?;
     let texts = [("<pipeline>", args.pipeline.as_str()), args.modifiers.hint()];
     let documents = memory
         .aggregate(&args.namespace, Aggregation { stages: &pipeline, modifiers: &args.modifiers.read()? })

@@ -5,6 +5,7 @@ use clap::Args;
 use super::at::AtArgs;
 use super::modifiers::ModifierArgs;
 use super::query::{blame, filter_of};
+use super::read::ReadArgs;
 use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -21,12 +22,9 @@ pub struct CountArgs {
     /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
-    /// Include all that computables have in the cache
-    #[arg(long)]
-    pub computed: bool,
-    /// Fail if the collection does not exist
-    #[arg(long)]
-    pub strict: bool,
+    /// Which documents are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// The memory as it was.
     #[command(flatten)]
     pub past: AtArgs,
@@ -38,10 +36,7 @@ pub struct CountArgs {
 pub(super) fn run(args: &CountArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = filter_of(&args.namespace, &args.query)?;
     let memory = args.past.memory(context)?;
-    memory.show_computed(args.computed);
-    if args.strict {
-        missing::refuse(&args.namespace, &memory, context)?;
-    }
+    args.read.apply(&args.namespace, &memory, context)?;
     let count = memory.count(&args.namespace, Query { filter: &filter, modifiers: &args.modifiers.read()? });
     let count = count.map_err(|error| blame(error, &[("<query>", &args.query), args.modifiers.hint()]))?;
     context.output.line(&count.to_string())?;

@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::modifiers::ModifierArgs;
 use super::query::{blame, filter_of};
+use super::read::ReadArgs;
 use super::{Context, UsageError, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
@@ -26,12 +27,9 @@ pub struct DistinctArgs {
     /// Query that selects documents (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
-    /// Include all that computables have in the cache
-    #[arg(long)]
-    pub computed: bool,
-    /// Fail if the collection does not exist
-    #[arg(long)]
-    pub strict: bool,
+    /// Which documents are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// How strings compare, variables, and the index to read.
     #[command(flatten)]
     pub modifiers: ModifierArgs,
@@ -45,10 +43,7 @@ pub(super) fn run(args: &DistinctArgs, context: &mut Context<'_>) -> Result<Exit
     }
     let filter = filter_of(&args.namespace, &args.query)?;
     let memory = context.memory()?;
-    memory.show_computed(args.computed);
-    if args.strict {
-        missing::refuse(&args.namespace, &memory, context)?;
-    }
+    args.read.apply(&args.namespace, &memory, context)?;
     let modifiers = args.modifiers.read()?;
     let query = Query { filter: &filter, modifiers: &modifiers };
     let values = memory.values(&args.namespace, &args.field, query);

@@ -89,9 +89,8 @@ fn function(name: &'static str, text: &str, context: &mut Context<'_>) -> Result
 /// The error of a function, shown at its text; any other comes back.
 fn located(error: StoreError, texts: &[Option<&Source>; 3]) -> Result<Error, StoreError> {
     let StoreError::Query(query) = &error else { return Err(error) };
-    let names = MapReduce::FUNCTIONS.iter().zip(texts);
-    let source =
-        names.into_iter().find_map(|(name, source)| (query.operator.as_deref() == Some(*name)).then_some(*source)?);
+    let named = |function| MapReduce::FUNCTIONS.iter().zip(texts).find(|(name, _)| **name == function);
+    let source = query.function().and_then(named).and_then(|(_, source)| *source);
     let Some(source) = source else { return Err(error) };
     let text = source.text();
     let start = text.len() - text.trim_start().len();

@@ -44,6 +44,7 @@ mod plan;
 mod plot;
 mod print;
 mod query;
+mod read;
 mod record;
 mod rename;
 mod repair;

@@ -5,13 +5,14 @@ use clap::Args;
 
 use super::at::AtArgs;
 use super::modifiers::{HINT, ModifierArgs};
+use super::read::ReadArgs;
 use super::{Context, formats, missing};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::fault::{AtFault as _, Fault};
 use crate::formats::{Diagnostic, Source, Span, mongosh, nearest, shell};
 use crate::memory::{Diagnosis, Memory};
-use crate::query::{known_names, misplaced};
+use crate::query::{QueryMistake, known_names, misplaced};
 use crate::store::{Find, Namespace, StoreError};
 
 /// What stands below the help of `query`.
@@ -46,12 +47,9 @@ pub struct QueryArgs {
     /// Show the metadata of documents, under `_robmem_info`
     #[arg(long)]
     pub meta: bool,
-    /// Include all that computables have in the cache
-    #[arg(long)]
-    pub computed: bool,
-    /// Fail if the collection does not exist
-    #[arg(long)]
-    pub strict: bool,
+    /// Which documents are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// The memory as it was.
     #[command(flatten)]
     pub past: AtArgs,
@@ -88,10 +86,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         args.modifiers.hint(),
     ];
     let memory = args.past.memory(context)?;
-    memory.show_computed(args.computed);
-    if args.strict {
-        missing::refuse(&args.namespace, &memory, context)?;
-    }
+    args.read.apply(&args.namespace, &memory, context)?;
     if args.why {
         let diagnosis = memory.diagnose(&args.namespace, &find.filter).map_err(|error| blame(error, &texts))?;
         return why(&diagnosis, &memory, context);
@@ -213,13 +208,19 @@ fn behind_key(query: &Source, operator: &str) -> Option<String> {
     Some(shell::typed(&doc! { key: { operator: value.clone() } }.into()))
 }
 
-/// What to write where an operator is given something of another shape.
-fn advice(message: &str) -> Option<String> {
-    if message == "a group specification must include an _id" {
-        return Some("_id: '$key' makes a group for each value of key, _id: null makes one group".to_owned());
+/// What to write instead of a mistake; `written` is the name that it is about, as `source` has it.
+fn advice(mistake: QueryMistake, written: &str, source: &Source) -> Option<String> {
+    match mistake {
+        QueryMistake::UnknownName(context) => misplaced(context, written, behind_key(source, written)).or_else(|| {
+            let meant = nearest(written, known_names(context).iter().copied())?;
+            Some(format!("did you mean `{meant}`?"))
+        }),
+        QueryMistake::NoArray => Some(format!("write {written}: [{{a: 1}}, {{b: 2}}]")),
+        QueryMistake::NoGroupId => {
+            Some("_id: '$key' makes a group for each value of key, _id: null makes one group".to_owned())
+        }
+        QueryMistake::Hint | QueryMistake::InFunction(_) => None,
     }
-    let operator = message.strip_suffix(" must be an array").filter(|name| ["$or", "$and", "$nor"].contains(name))?;
-    Some(format!("write {operator}: [{{a: 1}}, {{b: 2}}]"))
 }
 
 /// Decodes a document of a store.
@@ -243,7 +244,7 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
     // The default of a query was not typed.
     let given = texts.iter().copied().filter(|(_, text)| !matches!(*text, "" | "{}"));
     let (hints, others): (Vec<_>, Vec<_>) = given.partition(|(name, _)| *name == HINT);
-    let texts = if hints.is_empty() || !query.message.contains("hint") { others } else { hints };
+    let texts = if hints.is_empty() || query.mistake != Some(QueryMistake::Hint) { others } else { hints };
     let all: Vec<&str> = texts.iter().map(|(_, text)| *text).collect();
     let place = query.place_among(&all).and_then(|(number, place)| Some((texts.get(number)?, place)));
     match (place, texts.as_slice()) {
@@ -251,12 +252,8 @@ pub(super) fn blame(error: StoreError, texts: &[(&'static str, &str)]) -> Error 
             let source = Source::new(*name, *text);
             let written = text.get(place.start..place.end).unwrap_or_default().trim_matches(['"', '\'']);
             let error = Diagnostic::new(&source, Span::new(place.start, place.end), query.message.clone());
-            let hint = misplaced(&query.message, written, behind_key(&source, written));
-            let hint = hint.or_else(|| {
-                let meant = nearest(written, known_names(&query.message).iter().copied());
-                meant.map(|meant| format!("did you mean `{meant}`?"))
-            });
-            hint.into_iter().chain(advice(&query.message)).fold(error, Diagnostic::hint).into()
+            let advice = query.mistake.and_then(|mistake| advice(mistake, written, &source));
+            advice.into_iter().fold(error, Diagnostic::hint).into()
         }
         (None, [(name, text)]) => {
             let source = Source::new(*name, *text);

@@ -11,9 +11,10 @@ use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::mongodump;
 use crate::input::unreadable;
+use crate::memory::Memory;
 use crate::memory::dump::RestoreError;
 use crate::memory::dump::read::Dump;
-use crate::memory::dump::restore::{RestoreOptions, Restored, restore};
+use crate::memory::dump::restore::{Report, RestoreOptions, Restored, restore};
 use crate::saturate::to_i64;
 use crate::store::Namespace;
 
@@ -61,23 +62,7 @@ pub struct RestoreArgs {
 }
 
 pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let mut dump = match args.path == Path::new("-") {
-        true => stdin(context)?,
-        false => Dump::open(&args.path)?,
-    };
-    if let Some(namespace) = &args.into {
-        dump = dump.into(namespace).map_err(|found| {
-            let found: Vec<String> = found.iter().map(ToString::to_string).collect();
-            UsageError::new(format!(
-                "--into takes a dump of one namespace, and {} has {}",
-                args.path.display(),
-                if found.is_empty() { "none".to_owned() } else { found.join(", ") }
-            ))
-        })?;
-    }
-    if args.add_ids {
-        dump = dump.with_ids();
-    }
+    let dump = dump(args, context)?;
     let progress = context.output.progress(&format!("restoring {}", args.path.display()));
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
     // What is staged has to be removed again; of what is merged, it is said how much stays.
@@ -96,17 +81,50 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
             context.output.error(&interrupted.to_string());
             return Ok(Exit::Interrupted);
         }
-        Err(RestoreError::Store { which, source }) => {
-            // Of two in a dump that replaces the collection, none is there.
-            let holder = conflict::holder(&source, &memory).filter(|_| !args.drop).as_ref().map(conflict::named);
-            let message = holder.map(|holder| format!("cannot restore {which}: {source}{holder}"));
-            let error = Error::from(RestoreError::Store { which, source });
-            return Err(message.into_iter().fold(error, Error::context));
-        }
-        restored => restored?,
+        Err(error) => return Err(explain(error, args, &memory)),
+        Ok(report) => report,
     };
     drop(progress);
-    for note in dump.notes().chain(report.notes) {
+    warn(args, &dump, &report, context);
+    context.print_rows(report.collections.iter().map(|restored| Ok(row(restored))))?;
+    if args.dry_run {
+        context.output.note("nothing was changed: --dry-run");
+    }
+    Ok(Exit::Done)
+}
+
+/// The dump that is to be restored, as the options change it.
+fn dump(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Dump> {
+    let mut dump = match args.path == Path::new("-") {
+        true => stdin(context)?,
+        false => Dump::open(&args.path)?,
+    };
+    if let Some(namespace) = &args.into {
+        dump = dump.into(namespace).map_err(|found| {
+            let found: Vec<String> = found.iter().map(ToString::to_string).collect();
+            UsageError::new(format!(
+                "--into takes a dump of one namespace, and {} has {}",
+                args.path.display(),
+                if found.is_empty() { "none".to_owned() } else { found.join(", ") }
+            ))
+        })?;
+    }
+    Ok(if args.add_ids { dump.with_ids() } else { dump })
+}
+
+/// The error of a restore; where a key is taken, with the document that has it.
+fn explain(error: RestoreError, args: &RestoreArgs, memory: &Memory) -> Error {
+    let RestoreError::Store { which, source } = error else { return error.into() };
+    // Of two in a dump that replaces the collection, none is there.
+    let holder = conflict::holder(&source, memory).filter(|_| !args.drop).as_ref().map(conflict::named);
+    let message = holder.map(|holder| format!("cannot restore {which}: {source}{holder}"));
+    let error = Error::from(RestoreError::Store { which, source });
+    message.into_iter().fold(error, Error::context)
+}
+
+/// Warns of what is not restored as it was.
+fn warn(args: &RestoreArgs, dump: &Dump, report: &Report, context: &mut Context<'_>) {
+    for note in dump.notes().chain(report.notes.iter().cloned()) {
         context.output.warn(&note);
     }
     if let Some(log) = dump.log.as_ref().filter(|_| !args.oplog_replay) {
@@ -118,11 +136,6 @@ pub(super) fn run(args: &RestoreArgs, context: &mut Context<'_>) -> Result<Exit>
             context.output.warn(&format!("{}: {index}", restored.namespace));
         }
     }
-    context.print_rows(report.collections.iter().map(|restored| Ok(row(restored))))?;
-    if args.dry_run {
-        context.output.note("nothing was changed: --dry-run");
-    }
-    Ok(Exit::Done)
 }
 
 /// The world file on stdin, which may be packed.

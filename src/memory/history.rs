@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use bson::{Bson, DateTime, Document};
 
 use super::watch::event;
-use super::{Memory, unseen};
+use super::{Memory, hidden_metadata};
 use crate::query::collation::during;
 use crate::query::{Collation, Filter, QueryError};
 use crate::store::history::{Entry, HistoryRule, not_kept};
@@ -109,7 +109,7 @@ impl Memory {
     ) -> Result<impl Iterator<Item = Result<Entry, StoreError>> + '_, StoreError> {
         let ns = &selection.namespace;
         let collation = self.collation(ns)?;
-        let filter = during(collation.as_ref(), || Filter::parse(&unseen::in_filter(&selection.filter)))?;
+        let filter = during(collation.as_ref(), || Filter::parse(&hidden_metadata::in_filter(&selection.filter)))?;
         let history = self.routes.reading(ns)?.history(ns, selection.since)?;
         let rules = self.routes.histories(ns);
         let entries = match history {

@@ -13,6 +13,7 @@ mod diagnosis;
 pub mod dump;
 pub mod expiry;
 pub mod frames;
+mod hidden_metadata;
 pub mod history;
 mod index;
 mod journal;
@@ -23,7 +24,6 @@ mod past;
 mod route;
 mod sharing;
 pub mod undo;
-mod unseen;
 pub mod watch;
 
 pub use clock::Clock;

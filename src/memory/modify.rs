@@ -2,7 +2,7 @@
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
-use super::{Memory, unseen};
+use super::{Memory, hidden_metadata};
 use crate::query::{Filter, QueryError, Update};
 use crate::store::{Find, Namespace, StoreError, Undone, UpdateRequest, UpdateSpec, as_step};
 
@@ -153,7 +153,7 @@ impl Asked<'_> {
 }
 
 pub(super) fn compiled(update: &UpdateSpec, array_filters: &[Document]) -> Result<Update, QueryError> {
-    match unseen::in_update(update) {
+    match hidden_metadata::in_update(update) {
         UpdateSpec::Document(update) => Update::parse(&update, array_filters),
         UpdateSpec::Pipeline(stages) => Update::parse_pipeline(&stages),
     }

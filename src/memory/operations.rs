@@ -8,9 +8,9 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::clock::Clock;
 use super::computables::{self, Answering, Computables, Computed, Registry, View};
+use super::hidden_metadata;
 use super::journal::{Journal, Observer};
 use super::route::{Lazy, Routes};
-use super::unseen;
 use crate::query::QueryError;
 use crate::saturate::to_i64;
 use crate::store::{
@@ -139,7 +139,7 @@ impl Memory {
     /// The same documents, perhaps with metadata that is to be hidden, and whether it is: for readers that look at single
     /// fields, and pass over it.
     pub(crate) fn find_to_hide(&self, ns: &Namespace, find: &Find) -> Result<(Documents<'_>, bool), StoreError> {
-        let documents = self.find_with_metadata(ns, &unseen::in_find(find))?;
+        let documents = self.find_with_metadata(ns, &hidden_metadata::in_find(find))?;
         Ok((documents, !find.projection.keys().any(|key| is_metadata(key))))
     }
 
@@ -151,7 +151,7 @@ impl Memory {
         }
         self.answer(&[(ns, &find.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], &find.modifiers, view)? {
-                let find = find.with_filter(unseen::in_filter(&find.filter));
+                let find = find.with_filter(hidden_metadata::in_filter(&find.filter));
                 return Ok(ready(extended.find(ns, &find)?));
             }
             let start = Instant::now();
@@ -225,7 +225,7 @@ impl Memory {
         let query = query.into();
         self.answer(&[(ns, query.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
-                let filter = unseen::in_filter(query.filter);
+                let filter = hidden_metadata::in_filter(query.filter);
                 return extended.count(ns, Query { filter: &filter, ..query });
             }
             let visible = view.filter(query.filter);
@@ -249,7 +249,7 @@ impl Memory {
         let query = query.into();
         self.answer(&[(ns, query.filter)], Answering::Asking, |view| {
             if let Some(extended) = self.extended(&[(ns, query.filter)], query.modifiers, view)? {
-                let filter = unseen::in_filter(query.filter);
+                let filter = hidden_metadata::in_filter(query.filter);
                 return extended.values(ns, field, Query { filter: &filter, ..query });
             }
             let visible = view.filter(query.filter);
@@ -319,7 +319,7 @@ impl Memory {
     pub fn update(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
         let update = UpdateRequest {
             filter: self.visible(&update.filter),
-            update: unseen::in_update(&update.update),
+            update: hidden_metadata::in_update(&update.update),
             array_filters: update.array_filters.clone(),
             many: update.many,
             upsert: update.upsert,

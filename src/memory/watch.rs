@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use bson::{Document, RawDocumentBuf};
 
-use super::{Memory, unseen};
+use super::{Memory, hidden_metadata};
 use crate::query::{Filter, QueryError};
 use crate::store::{Change, ChangeKind, Changes, Name, Namespace, Next, StoreError, metadata};
 
@@ -43,7 +43,7 @@ impl Memory {
     /// # Errors
     /// Where the filter is wrong, the store cannot be watched, or another process has the name.
     pub fn watch(&self, trigger: Trigger) -> Result<Watch<'_>, StoreError> {
-        let filter = Filter::parse(&unseen::in_filter(&trigger.filter))?;
+        let filter = Filter::parse(&hidden_metadata::in_filter(&trigger.filter))?;
         let changes = self.store(&trigger.namespace)?.watch(&trigger.namespace, trigger.name.as_deref())?;
         Ok(Watch { trigger, filter, changes })
     }

@@ -8,7 +8,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::Result;
 use crate::interrupt::Unfinished;
-use crate::process::litter;
+use crate::process::stale_files;
 
 /// Writes beside the target and renames. Devices and pipes are written directly;
 /// a symbolic link stays one; an existing file keeps its permissions. A memory is not replaced by text.
@@ -75,7 +75,7 @@ impl Pending {
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        let prefix = litter::prefix(folder, ".rmem-");
+        let prefix = stale_files::prefix(folder, ".rmem-");
         builder.prefix(&prefix);
         #[cfg(unix)]
         {

@@ -15,10 +15,10 @@ use tempfile::TempDir;
 use super::end::End;
 use super::host::{Host, Limits};
 use super::job::{self, INPUT, Job, Mode};
-use super::litter;
 use super::message::{Message, Usage};
 use super::pool::Share;
 use super::reading::{Reading, files};
+use super::stale_files;
 use super::supervisor::GRACE;
 use super::usage;
 use crate::formats::Source;
@@ -56,7 +56,7 @@ pub(super) struct Left {
 impl Supervisor {
     pub(super) fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Result<Self, End> {
         let directory = tempfile::Builder::new()
-            .prefix(&litter::prefix(&host.temporary, "rmem-run-"))
+            .prefix(&stale_files::prefix(&host.temporary, "rmem-run-"))
             .tempdir_in(&host.temporary)
             .map_err(|error| End::no_files(host, &error))?;
         let (ours, theirs) = UnixStream::pair()?;

@@ -11,13 +11,13 @@ pub(crate) mod holder;
 mod host;
 mod job;
 mod launch;
-pub(crate) mod litter;
 mod message;
+mod out_of_memory;
 mod pool;
 mod reading;
 mod run;
 pub mod search;
-mod starved;
+pub(crate) mod stale_files;
 pub mod supervisor;
 mod usage;
 

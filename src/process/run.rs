@@ -9,9 +9,9 @@ use super::end::End;
 use super::handle::{Left, Supervisor};
 use super::host::{Host, Limits};
 use super::job::Job;
+use super::out_of_memory::ran_out_of_memory;
 use super::pool::Share;
 use super::reading::{PIECE, Reading};
-use super::starved::is_starved;
 use crate::formats::Source;
 
 /// How long reading the result may take when the time of the run is over.
@@ -146,12 +146,12 @@ impl Prepared {
         let most = if end == End::TooMuchOutput { SAMPLE } else { limits.output };
         let Left { stdout, stderr, files, cut } = supervisor.collect(most, &reading, self.wanted);
         let peak = usage.map_or(0, |usage| usage.peak);
-        let is_starved = |limit| is_starved(&end, [&stdout, &stderr], peak, limit);
+        let ran_out_of_memory = |limit| ran_out_of_memory(&end, [&stdout, &stderr], peak, limit);
         Ok(Ended {
             wall: started.elapsed(),
             cpu: usage.map(|usage| usage.cpu),
             resident: usage.map(|usage| usage.resident << 10).filter(|bytes| *bytes > 0),
-            out_of_memory: end == End::Starved || limits.memory.is_some_and(is_starved),
+            out_of_memory: end == End::Starved || limits.memory.is_some_and(ran_out_of_memory),
             // Reading that was cut off has its own end; otherwise the program's end counts.
             end: cut.unwrap_or(end),
             stdout,

@@ -10,12 +10,42 @@ use crate::fault::{AtFault, Fault};
 pub struct QueryError {
     /// MongoDB's error code for the same mistake (2 BadValue, 9 FailedToParse, 14 TypeMismatch, …).
     pub code: i32,
-    /// The operator or field complained about, like `$where`, where there is one.
-    pub operator: Option<String>,
+    /// The operators and fields that it is about, like `$where` or `/a|b/`: the innermost first, then what encloses it.
+    pub names: Vec<String>,
+    /// What kind of mistake it is, where there is advice for the kind.
+    pub mistake: Option<QueryMistake>,
     /// Whether it is valid MongoDB that rmem does not support.
     pub unsupported: bool,
     /// A lower-case fragment that names operator and field.
     pub message: String,
+}
+
+/// A kind of mistake for which there is advice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum QueryMistake {
+    /// An operator or a stage that is not known where it stands.
+    UnknownName(NameContext),
+    /// An operator of filters whose argument has to be an array, like `$or`, and is not.
+    NoArray,
+    /// A `$group` without `_id`.
+    NoGroupId,
+    /// A hint that names no index, or none that can be read for the query.
+    Hint,
+    /// A function of a map-reduce that failed.
+    InFunction(&'static str),
+}
+
+/// Where a name stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NameContext {
+    /// At the top of a filter.
+    Filter,
+    /// Behind a key of a filter.
+    Condition,
+    /// At the top of an update.
+    Update,
+    /// At the top of a stage.
+    Stage,
 }
 
 impl AtFault for QueryError {
@@ -45,31 +75,25 @@ impl QueryError {
     /// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
     pub const EXCEEDED_TIME_LIMIT: i32 = 50;
 
-    /// Where a text has the operator that is complained about, or the first one that the message names.
+    /// Returns where a text has the first of the operators, fields and regular expressions that the error is about.
     #[must_use]
     pub fn place(&self, text: &str) -> Option<Range<usize>> {
-        self.operators().find_map(|word| find(word, text))
+        self.place_among(&[text]).map(|(_, place)| place)
     }
 
-    /// Where the texts have the operator, field or regular expression that is complained about, or the first operator that the
-    /// message names: the number of the text, and the place in it.
+    /// Returns where the texts have the first of the operators, fields and regular expressions that the error is about:
+    /// the number of the text, and the place in it.
     #[must_use]
     pub fn place_among(&self, texts: &[&str]) -> Option<(usize, Range<usize>)> {
-        let among = |word| texts.iter().enumerate().find_map(|(number, text)| Some((number, find(word, text)?)));
-        self.operators().find_map(among)
-    }
-
-    /// What is complained about, and the operators that the message names.
-    fn operators(&self) -> impl Iterator<Item = &str> {
-        let named = self.message.split(|c: char| c != '$' && !c.is_alphanumeric());
-        let named = named.filter(|word| word.starts_with('$') && word.len() > 1);
-        self.operator.as_deref().into_iter().chain(named)
+        let among =
+            |name: &String| texts.iter().enumerate().find_map(|(number, text)| Some((number, find(name, text)?)));
+        self.names.iter().find_map(among)
     }
 
     /// Returns a mistake in the query.
     #[must_use]
     pub fn invalid(code: i32, message: impl Into<String>) -> Self {
-        Self { code, operator: None, unsupported: false, message: message.into() }
+        Self { code, names: Vec::new(), mistake: None, unsupported: false, message: message.into() }
     }
 
     /// Returns a value that is not acceptable.
@@ -106,10 +130,28 @@ impl QueryError {
         Self::invalid(FILE_FAILED, message)
     }
 
-    /// Returns the error with the operator or field that it is about, unless it has one already.
-    pub(super) fn about(mut self, name: &str) -> Self {
-        self.operator.get_or_insert_with(|| name.to_owned());
+    /// Returns the error with an operator or field that it is about, or that encloses what it is about.
+    #[must_use]
+    pub fn about(mut self, name: &str) -> Self {
+        if self.names.last().is_none_or(|last| last != name) {
+            self.names.push(name.to_owned());
+        }
         self
+    }
+
+    /// Returns the error with the kind of mistake it is.
+    #[must_use]
+    pub fn of_kind(self, mistake: QueryMistake) -> Self {
+        Self { mistake: Some(mistake), ..self }
+    }
+
+    /// Returns the function of a map-reduce that failed, where it is about one: `map`, `reduce` or `finalize`.
+    #[must_use]
+    pub fn function(&self) -> Option<&'static str> {
+        match self.mistake {
+            Some(QueryMistake::InFunction(function)) => Some(function),
+            _ => None,
+        }
     }
 
     /// Valid MongoDB that rmem refuses.
@@ -117,7 +159,8 @@ impl QueryError {
     pub fn unsupported(operator: &str) -> Self {
         Self {
             code: 115,
-            operator: Some(operator.to_owned()),
+            names: vec![operator.to_owned()],
+            mistake: None,
             unsupported: true,
             message: format!("{operator} is not supported by the embedded store"),
         }

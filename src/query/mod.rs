@@ -53,7 +53,7 @@ pub use compare::{compare, compare_values};
 pub use decode::{decode, decode_but};
 pub use distinct::Distinct;
 pub use element::{extent, field};
-pub use error::QueryError;
+pub use error::{NameContext, QueryError, QueryMistake};
 pub use filter::{Filter, TextSearch};
 pub use geo::Near;
 pub use javascript::{MapReduce, Merging};

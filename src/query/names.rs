@@ -1,5 +1,7 @@
 //! The names of operators and stages, for hints about misspelt and misplaced ones.
 
+use super::error::NameContext;
+
 /// The operators of a filter.
 const FILTER: [&str; 37] = [
     "$all",
@@ -119,42 +121,19 @@ const GATHERING: [&str; 15] = [
 /// The stages that an update may have.
 const UPDATE_STAGES: [&str; 6] = ["$addFields", "$project", "$replaceRoot", "$replaceWith", "$set", "$unset"];
 
-/// Where a name was found that is not known there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum NameContext {
-    /// At the top of a filter.
-    Top,
-    /// Behind a key of a filter.
-    Key,
-    /// At the top of an update.
-    Update,
-    /// At the top of a stage.
-    Stage,
-}
-
-/// What the messages about unknown names begin with, and what is known there.
-const KINDS: [(&str, NameContext, &[&str]); 4] = [
-    ("unknown operator: ", NameContext::Key, &FILTER),
-    ("unknown top level operator: ", NameContext::Top, &FILTER),
-    ("unknown modifier: ", NameContext::Update, &UPDATE),
-    ("unrecognized pipeline stage name: ", NameContext::Stage, &STAGES),
-];
-
-/// Returns where a name stands that the message says is unknown; none where it is known nowhere, or the message is
-/// about something else. `meant` is the condition with the name behind a key that was probably meant, where that is
-/// known.
+/// Returns advice on where a name belongs that is not known where it stands; none where it is known nowhere. `meant` is
+/// the condition with the name behind a key that was probably meant, where that is known.
 #[must_use]
-pub fn misplaced(message: &str, name: &str, meant: Option<String>) -> Option<String> {
-    let (_, place, _) = KINDS.iter().find(|(words, ..)| message.starts_with(words))?;
+pub fn misplaced(context: NameContext, name: &str, meant: Option<String>) -> Option<String> {
     let is = |names: &[&str]| names.contains(&name);
-    Some(match place {
-        NameContext::Top if name == "$not" => {
+    Some(match context {
+        NameContext::Filter if name == "$not" => {
             "`$not` stands behind a key: {key: {$not: {$gt: 5}}}; at the top there is {$nor: [{key: 5}]}".to_owned()
         }
-        NameContext::Top if is(&FILTER) => {
+        NameContext::Filter if is(&FILTER) => {
             format!("`{name}` stands behind a key: {}", meant.unwrap_or_else(|| behind_key(name)))
         }
-        NameContext::Key if is(&TOP) => format!("`{name}` stands at the top: {}", at_top(name)),
+        NameContext::Condition if is(&TOP) => format!("`{name}` stands at the top: {}", at_top(name)),
         NameContext::Stage if is(&GATHERING) => {
             format!("`{name}` stands in a stage: [{{$group: {{_id: '$key', name: {{{name}: '$value'}}}}}}]")
         }
@@ -166,10 +145,10 @@ pub fn misplaced(message: &str, name: &str, meant: Option<String>) -> Option<Str
         NameContext::Update if is(&UPDATE_STAGES) => {
             format!("`{name}` is a stage; an update by stages has brackets: [{{{name}: {{…}}}}]")
         }
-        NameContext::Top | NameContext::Key | NameContext::Stage if is(&UPDATE) => {
+        NameContext::Filter | NameContext::Condition | NameContext::Stage if is(&UPDATE) => {
             format!("`{name}` stands in an update: rmem update NS QUERY '{{{name}: {{key: 5}}}}'")
         }
-        NameContext::Top | NameContext::Key | NameContext::Update if is(&STAGES) => {
+        NameContext::Filter | NameContext::Condition | NameContext::Update if is(&STAGES) => {
             format!("`{name}` is a stage of a pipeline: rmem aggregate NS '[{{{name}: …}}]'")
         }
         _ => return None,
@@ -211,44 +190,50 @@ fn at_top(name: &str) -> String {
     format!("{{{name}: {value}}}")
 }
 
-/// Returns the names that an unknown one may stand for, by the message about it; none where the message is about
-/// something else.
+/// Returns the names that are known at a place, one of which an unknown one may stand for.
 #[must_use]
-pub fn known_names(message: &str) -> &'static [&'static str] {
-    KINDS.iter().find(|(words, ..)| message.starts_with(words)).map_or(&[], |(.., names)| names)
+pub fn known_names(context: NameContext) -> &'static [&'static str] {
+    match context {
+        NameContext::Filter | NameContext::Condition => &FILTER,
+        NameContext::Update => &UPDATE,
+        NameContext::Stage => &STAGES,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Filter, Pipeline, QueryError, Update};
+    use crate::query::{Filter, Pipeline, QueryError, QueryMistake, Update};
     use bson::doc;
+
+    /// Where the name stands that an error says is unknown; none where it is about something else.
+    fn context(error: Option<&QueryError>) -> Option<NameContext> {
+        match error?.mistake? {
+            QueryMistake::UnknownName(context) => Some(context),
+            _ => None,
+        }
+    }
 
     #[test]
     fn every_name_is_known() {
-        let unknown = |message: Option<String>| message.is_some_and(|message| !known_names(&message).is_empty());
+        let is_unknown = |error: Option<QueryError>| context(error.as_ref()).is_some();
         for name in FILTER {
-            let inner = Filter::parse(&doc! { "a": { name: 1 } }).err().map(|error| error.message);
-            let top = Filter::parse(&doc! { name: 1 }).err().map(|error| error.message);
-            assert!(!unknown(inner) || !unknown(top), "{name}");
+            let inner = Filter::parse(&doc! { "a": { name: 1 } }).err();
+            assert!(!is_unknown(inner) || !is_unknown(Filter::parse(&doc! { name: 1 }).err()), "{name}");
         }
         for name in UPDATE {
-            assert!(
-                !unknown(Update::parse(&doc! { name: { "a": 1 } }, &[]).err().map(|error| error.message)),
-                "{name}"
-            );
+            assert!(!is_unknown(Update::parse(&doc! { name: { "a": 1 } }, &[]).err()), "{name}");
         }
         for name in STAGES {
-            assert!(!unknown(Pipeline::parse(&[doc! { name: 1 }]).err().map(|error| error.message)), "{name}");
+            assert!(!is_unknown(Pipeline::parse(&[doc! { name: 1 }]).err()), "{name}");
         }
-        assert_eq!(known_names("unknown operator: $exits"), FILTER);
+        assert!(is_unknown(Filter::parse(&doc! { "a": { "$exits": 1 } }).err()));
+        assert_eq!(known_names(NameContext::Condition), FILTER);
     }
 
     #[test]
     fn a_name_in_the_wrong_place_has_a_right_one() {
-        let advice = |error: Option<QueryError>, name: &str| {
-            misplaced(&error.map(|error| error.message).unwrap_or_default(), name, None)
-        };
+        let advice = |error: Option<QueryError>, name: &str| misplaced(context(error.as_ref())?, name, None);
         let (mut top, mut behind_key) = (0, 0);
         for name in FILTER {
             if let Some(advice) = advice(Filter::parse(&doc! { name: 1 }).err(), name) {
@@ -260,7 +245,7 @@ mod tests {
                 top += 1;
             }
             let staged = Pipeline::parse(&[doc! { name: 1 }]).err();
-            let staged = staged.filter(|error| error.message.starts_with("unrecognized"));
+            let staged = staged.filter(|error| context(Some(error)).is_some());
             assert!(staged.is_none() || advice(staged, name).is_some_and(|advice| advice.contains("$match")), "{name}");
         }
         assert_eq!((top, behind_key), (TOP.len(), FILTER.len() - TOP.len() - 1), "all but $comment");
@@ -272,7 +257,7 @@ mod tests {
             let modified = Update::parse(&doc! { *name: { "a": 1 } }, &[]).err();
             assert!(advice(modified, name).is_some(), "{name}");
         }
-        assert_eq!(misplaced("unknown top level operator: $nope", "$nope", None), None);
-        assert_eq!(misplaced("$or must be an array", "$or", None), None);
+        assert_eq!(misplaced(NameContext::Filter, "$nope", None), None);
+        assert_eq!(advice(Filter::parse(&doc! { "$or": 1 }).err(), "$or"), None);
     }
 }

@@ -45,9 +45,11 @@ impl Reshape {
         let (Some((name, argument)), 1) = (stage.iter().next(), stage.len()) else {
             return Err(QueryError::invalid(40_323, "a pipeline stage must have exactly one field"));
         };
-        match Self::parse(name, argument, scope)? {
+        match Self::parse(name, argument, scope).map_err(|error| error.about(name))? {
             Some(stage) => Ok(stage),
-            None => Err(QueryError::invalid(72, format!("{name} is not allowed to be used within an update"))),
+            None => {
+                Err(QueryError::invalid(72, format!("{name} is not allowed to be used within an update")).about(name))
+            }
         }
     }
 

@@ -42,13 +42,18 @@ impl Sort {
         for (name, direction) in pattern {
             if let Bson::Document(meta) = direction {
                 let Some(argument) = meta.get("$meta") else {
-                    return Err(QueryError::invalid(17_312, "the only object for a sort direction is {$meta: …}"));
+                    return Err(QueryError::invalid(17_312, "the only object for a sort direction is {$meta: …}")
+                        .about("$meta"));
                 };
                 if meta.len() > 1 {
-                    return Err(QueryError::failed_to_parse("{$meta: …} may have no other field in a sort"));
+                    return Err(
+                        QueryError::failed_to_parse("{$meta: …} may have no other field in a sort").about("$meta")
+                    );
                 }
                 if !matches!(argument, Bson::String(_)) {
-                    return Err(QueryError::invalid(31_138, "the argument of $meta in a sort must be a string"));
+                    return Err(
+                        QueryError::invalid(31_138, "the argument of $meta in a sort must be a string").about("$meta")
+                    );
                 }
                 check_meta(argument)?;
                 text::meta(argument)?;
@@ -265,7 +270,9 @@ impl Ord for Ranked {
 fn check_meta(argument: &Bson) -> Result<()> {
     match argument.as_str() {
         Some("textScore" | "randVal" | "geoNearDistance" | "searchScore") | None => Ok(()),
-        Some(name) => Err(QueryError::invalid(31_138, format!("a sort cannot be by {{$meta: \"{name}\"}}"))),
+        Some(name) => {
+            Err(QueryError::invalid(31_138, format!("a sort cannot be by {{$meta: \"{name}\"}}")).about("$meta"))
+        }
     }
 }
 

@@ -19,9 +19,9 @@ pub(super) fn confirmed(
     if memory.is_current(ns)? {
         return work(memory);
     }
-    let concern = request.body.get_document("writeConcern").ok();
+    let concern = request.write_concern.clone();
     let (mut work, mut answer) = (Some(work), None);
-    let unconfirmed = memory.bare(ns)?.confirmed(ns, concern, &mut || {
+    let unconfirmed = memory.bare(ns)?.confirmed(ns, concern.as_ref(), &mut || {
         answer = work.take().map(|work| work(memory));
         matches!(answer, Some(Ok(_)))
     })?;

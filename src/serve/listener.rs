@@ -13,7 +13,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 use crate::fault::{AtFault, Fault};
-use crate::process::litter;
+use crate::process::stale_files;
 
 use super::address::Address;
 use super::client::Client;
@@ -251,7 +251,7 @@ fn port(address: &Address, source: io::Error) -> ListenError {
 fn private(folder: &Path) -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
     builder.permissions(fs::Permissions::from_mode(0o700));
-    builder.prefix(&litter::prefix(folder, ".rmem-")).tempdir_in(folder)
+    builder.prefix(&stale_files::prefix(folder, ".rmem-")).tempdir_in(folder)
 }
 
 /// A socket that only its owner may use. It is made in a folder of its own, and named when it has its mode.

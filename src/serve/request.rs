@@ -9,7 +9,7 @@ use super::fields::Fields;
 use super::origin::Origin;
 use super::session::SessionId;
 use crate::query::QueryError;
-use crate::store::Namespace;
+use crate::store::{Acknowledgment, Namespace, WriteConcern};
 
 /// A command to be run.
 #[derive(Debug)]
@@ -25,21 +25,8 @@ pub(super) struct Request {
     pub(super) since: Instant,
     /// `maxTimeMS`.
     pub(super) limit: Option<Duration>,
-    /// Who is to confirm a write.
-    pub(super) confirmation: Confirmation,
-}
-
-/// Who is to confirm a write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Confirmation {
-    /// Unacknowledged (`w: 0`): the answer says nothing of what was written.
-    None,
-    /// This server.
-    Own,
-    /// Members that there are not.
-    Others,
-    /// Those of a mode (`w: "name"`), of which there is none.
-    Mode,
+    /// `writeConcern`.
+    pub(super) write_concern: Option<WriteConcern>,
 }
 
 /// Commands that only read, and have no write concern.
@@ -70,7 +57,8 @@ impl Request {
         };
         check_database(&database)?;
         check_version(fields)?;
-        let confirmation = check_concerns(fields)?;
+        check_read_concern(fields)?;
+        let write_concern = write_concern(fields)?;
         let session = fields.document("lsid")?.map(SessionId::read).transpose()?;
         let transaction = transaction(fields)?;
         if transaction.is_some() && session.is_none() {
@@ -83,7 +71,7 @@ impl Request {
             return Err(Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range")));
         }
         let limit = limit.filter(|limit| *limit > 0).map(Duration::from_millis);
-        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, confirmation, body })
+        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, write_concern, body })
     }
 
     pub(super) fn fields(&self) -> Fields<'_> {
@@ -149,10 +137,9 @@ impl Request {
         self.body.get_document("readConcern").ok()?.get_timestamp("atClusterTime").ok()
     }
 
-    /// The mode of its write concern (`w: "name"`).
-    pub(super) fn mode(&self) -> String {
-        let concern = self.body.get_document("writeConcern");
-        concern.and_then(|concern| concern.get_str("w")).unwrap_or_default().to_owned()
+    /// Which members have to have what it writes before that is acknowledged.
+    pub(super) fn acknowledgment(&self) -> Acknowledgment {
+        self.write_concern.as_ref().map_or(Acknowledgment::Usual, |concern| concern.acknowledgment.clone())
     }
 
     /// Whether it is a command of a transaction.
@@ -220,8 +207,8 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
     }
 }
 
-/// Checks what is asked of durability and of what reads see, and says who is to confirm a write.
-fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
+/// Checks what is asked of what reads see.
+fn check_read_concern(fields: Fields<'_>) -> Result<(), Failure> {
     if let Some(concern) = fields.document("readConcern")? {
         let concern = Fields::new("readConcern", concern);
         concern.known_inside(&["level", "afterClusterTime", "atClusterTime", "provenance"])?;
@@ -243,25 +230,30 @@ fn check_concerns(fields: Fields<'_>) -> Result<Confirmation, Failure> {
             }
         }
     }
-    if let Some(concern) = fields.document("writeConcern")? {
-        if READING.contains(&fields.of) {
-            return Err(Failure::new(codes::INVALID_OPTIONS, format!("{} does not support writeConcern", fields.of)));
-        }
-        let concern = Fields::new("writeConcern", concern);
-        concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
-        let is_journaled = concern.optional_flag("j")? == Some(true);
-        if concern.optional_flag("fsync")? == Some(true) && is_journaled {
-            return Err(Failure::new(codes::FAILED_TO_PARSE, "fsync and j options cannot be used together"));
-        }
-        check_provenance(concern)?;
-        if concern.document.get("wtimeout").is_some_and(is_too_long) {
-            return Err(Failure::new(codes::FAILED_TO_PARSE, "wtimeout must be a 32-bit integer"));
-        }
-        let members = check_members(concern.document.get("w"))?;
-        let is_own = members == Confirmation::None && is_journaled;
-        return Ok(if is_own { Confirmation::Own } else { members });
+    Ok(())
+}
+
+/// Reads the write concern, where there is one.
+fn write_concern(fields: Fields<'_>) -> Result<Option<WriteConcern>, Failure> {
+    let Some(document) = fields.document("writeConcern")? else { return Ok(None) };
+    if READING.contains(&fields.of) {
+        return Err(Failure::new(codes::INVALID_OPTIONS, format!("{} does not support writeConcern", fields.of)));
     }
-    Ok(Confirmation::Own)
+    let concern = Fields::new("writeConcern", document);
+    concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
+    let is_journaled = concern.optional_flag("j")? == Some(true);
+    if concern.optional_flag("fsync")? == Some(true) && is_journaled {
+        return Err(Failure::new(codes::FAILED_TO_PARSE, "fsync and j options cannot be used together"));
+    }
+    check_provenance(concern)?;
+    if document.get("wtimeout").is_some_and(is_too_long) {
+        return Err(Failure::new(codes::FAILED_TO_PARSE, "wtimeout must be a 32-bit integer"));
+    }
+    let acknowledgment = match members(document.get("w"))? {
+        Acknowledgment::Unacknowledged if is_journaled => Acknowledgment::Usual,
+        members => members,
+    };
+    Ok(Some(WriteConcern { acknowledgment, document: document.clone() }))
 }
 
 /// Where a read or write concern says that it comes from.
@@ -287,24 +279,24 @@ fn is_too_long(millis: &Bson) -> bool {
     }
 }
 
-/// There is one member, which is a majority.
-fn check_members(members: Option<&Bson>) -> Result<Confirmation, Failure> {
+/// Reads `w`: which members a write waits for.
+fn members(members: Option<&Bson>) -> Result<Acknowledgment, Failure> {
     match members {
-        None | Some(Bson::Null) => Ok(Confirmation::Own),
-        Some(Bson::String(mode)) if mode == "majority" => Ok(Confirmation::Own),
-        Some(Bson::String(_)) => Ok(Confirmation::Mode),
+        None | Some(Bson::Null) => Ok(Acknowledgment::Usual),
+        Some(Bson::String(mode)) if mode == "majority" => Ok(Acknowledgment::Usual),
+        Some(Bson::String(mode)) => Ok(Acknowledgment::Mode(mode.clone())),
         // Tags of members, and how many have to have each.
         Some(Bson::Document(tags)) => {
             if tags.is_empty() || tags.values().any(|count| super::fields::whole(count).is_none()) {
                 let message = "the tags of a write concern must be a single level document with only number values";
                 return Err(Failure::new(codes::FAILED_TO_PARSE, message));
             }
-            Ok(Confirmation::Others)
+            Ok(Acknowledgment::Tagged)
         }
         Some(number) => match super::fields::whole(number) {
-            Some(0) => Ok(Confirmation::None),
-            Some(1) => Ok(Confirmation::Own),
-            Some(2..=50) => Ok(Confirmation::Others),
+            Some(0) => Ok(Acknowledgment::Unacknowledged),
+            Some(1) => Ok(Acknowledgment::Usual),
+            Some(2..=50) => Ok(Acknowledgment::Several),
             _ => Err(Failure::new(codes::FAILED_TO_PARSE, "w has to be a number from 0 to 50, or 'majority'")),
         },
     }
@@ -334,9 +326,9 @@ mod tests {
         assert_eq!(code(not), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "past" } }), codes::BAD_VALUE);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
-        assert_eq!(others.confirmation, Confirmation::Others);
+        assert_eq!(others.acknowledgment(), Acknowledgment::Several);
         let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();
-        assert_eq!(mode.confirmation, Confirmation::Mode);
+        assert_eq!(mode.acknowledgment(), Acknowledgment::Mode("far".to_owned()));
         assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
         let both = doc! { "j": true, "fsync": true };
@@ -353,7 +345,11 @@ mod tests {
         assert_eq!(concern(doc! { "provenance": "clientSupplied" }), 0);
         assert_eq!(concern(doc! { "provenance": "far" }), codes::BAD_VALUE);
         let none = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0.5 } }).unwrap();
-        assert_eq!(none.confirmation, Confirmation::None);
+        assert_eq!(none.acknowledgment(), Acknowledgment::Unacknowledged);
+        let journaled = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0, "j": true } }).unwrap();
+        assert_eq!(journaled.acknowledgment(), Acknowledgment::Usual);
+        let tagged = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": { "place": 2 } } }).unwrap();
+        assert_eq!(tagged.acknowledgment(), Acknowledgment::Tagged);
     }
 
     #[test]

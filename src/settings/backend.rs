@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::quoted::Mistake;
 use crate::formats::quantity;
 
 /// A mongod's cache cannot be smaller.
@@ -98,9 +98,6 @@ struct Table {
     #[serde(default)]
     clear_on_stop: bool,
 }
-
-/// A mistake: its place and its description.
-type Mistake = (Range<usize>, String);
 
 impl Tables {
     fn named(&self) -> impl Iterator<Item = (&'static str, &Table)> {

@@ -8,7 +8,7 @@ use bson::Document;
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use super::quoted::Quoted;
+use super::quoted::{Mistake, Quoted};
 use crate::formats::quantity;
 use crate::formats::{Diagnostic, Source, Span, plain, shell};
 use crate::memory::computables::{
@@ -19,9 +19,6 @@ use crate::store::{Namespace, NamespaceError};
 
 /// The default time limit of a command.
 const TIMEOUT: Duration = Duration::from_secs(10);
-
-/// A mistake: its place and its description.
-type Mistake = (Range<usize>, String);
 
 /// A computable in the file.
 #[derive(Debug, Clone, Deserialize)]

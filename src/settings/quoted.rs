@@ -7,8 +7,8 @@ use toml::Spanned;
 use crate::formats::{Diagnostic, Source};
 use crate::query::QueryError;
 
-/// A mistake: its place and its description.
-type Mistake = (Range<usize>, String);
+/// A mistake in `rmem.toml`: its place and its description.
+pub(super) type Mistake = (Range<usize>, String);
 
 /// A string of the file that holds a query or a pipeline.
 pub(super) struct Quoted<'a> {

@@ -25,6 +25,7 @@ mod step;
 mod taken_key;
 pub mod uri;
 pub mod watch;
+mod write_concern;
 
 pub use credentials::{masked, masked_excerpt};
 pub use document::{MAX_DEPTH, MAX_SIZE};
@@ -42,6 +43,7 @@ pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope, Since};
+pub use write_concern::{Acknowledgment, WriteConcern};
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -250,8 +252,8 @@ pub trait Store: Send {
         work()
     }
 
-    /// Runs writes whose client says who is to confirm them (`writeConcern`; nothing where it does not), and waits until they are
-    /// confirmed; `work` returns whether there is something to wait for. Returns MongoDB's `writeConcernError` where they
+    /// Runs writes, and waits until the members that their client names have them (by default, those of the store's own write
+    /// concern); `work` returns whether there is something to wait for. Returns MongoDB's `writeConcernError` where they
     /// are not confirmed. A store that is one member confirms each write itself.
     ///
     /// # Errors
@@ -259,7 +261,7 @@ pub trait Store: Send {
     fn confirmed(
         &self,
         _: &Namespace,
-        _concern: Option<&Document>,
+        _concern: Option<&WriteConcern>,
         work: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Document>, StoreError> {
         work();

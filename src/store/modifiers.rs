@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use bson::{Bson, Document};
 
-use crate::query::{Collation, QueryError, compare_values};
+use crate::query::{Collation, QueryError, QueryMistake, compare_values};
 
 /// What a command says beside its query.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -63,13 +63,18 @@ impl Hint {
             Bson::Document(keys) if keys.is_empty() => Ok(None),
             Bson::Document(keys) => match keys.get("$natural") {
                 None => Ok(Some(Self::Keys(keys.clone()))),
-                Some(_) if keys.len() > 1 => Err(QueryError::bad_value("a hint with $natural has no other key")),
+                Some(_) if keys.len() > 1 => Err(QueryError::bad_value("a hint with $natural has no other key")
+                    .about("$natural")
+                    .of_kind(QueryMistake::Hint)),
                 Some(direction) => {
                     let backwards = compare_values(direction, &Bson::Int32(0)).is_lt();
                     Ok(Some(Self::Natural { backwards }))
                 }
             },
-            _ => Err(QueryError::failed_to_parse("a hint is the name or the keys of an index")),
+            _ => {
+                Err(QueryError::failed_to_parse("a hint is the name or the keys of an index")
+                    .of_kind(QueryMistake::Hint))
+            }
         }
     }
 

@@ -241,16 +241,16 @@ fn what_is_wrong_in_a_table_is_shown_at_its_place() {
       |                                 ^^^^
     [exit code: 3]
     ------- stderr -------
-    error: $LAB/robot/rmem.toml:8:3: expected a pipeline: unrecognized expression '$nope'
+    error: $LAB/robot/rmem.toml:8:14: expected a pipeline: unrecognized expression '$nope'
       |
     8 |  {$set: {a: {$nope: 1}}}]'''
-      |   ^^^^
+      |              ^^^^^
     [exit code: 3]
     ------- stderr -------
-    error: $LAB/robot/rmem.toml:6:15: expected a pipeline: use of undefined variable: nope
+    error: $LAB/robot/rmem.toml:6:26: expected a pipeline: use of undefined variable: nope
       |
     6 | pipeline = "[{$set: {a: '$$nope'}}]"
-      |               ^^^^
+      |                          ^^^^^^
     [exit code: 3]
     ------- stderr -------
     error: $LAB/robot/rmem.toml:6:27: expected a pipeline: expected a value, found `}`

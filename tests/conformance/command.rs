@@ -15,7 +15,7 @@ pub(crate) enum Failure {
 
 impl From<QueryError> for Failure {
     fn from(error: QueryError) -> Self {
-        match (error.unsupported, error.operator) {
+        match (error.unsupported, error.names.into_iter().next()) {
             (true, Some(operator)) => Self::Refused(operator),
             _ => Self::Failed(format!("{}: {}", error.code, error.message)),
         }

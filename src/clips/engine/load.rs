@@ -2,7 +2,7 @@
 
 use super::native::{Environment, Stream};
 use super::program::{self, Part};
-use super::state::State;
+use super::state::{LoadMessage, State};
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How deep lists may be nested in a program: CLIPS reads them recursively.
@@ -47,9 +47,9 @@ fn constructs(program: &Source, span: Span, clips: &Environment, state: &State<'
     let before = program.text().get(..span.start).unwrap_or_default().matches('\n').count();
     let text = format!("{}{}", "\n".repeat(before), program.slice(span));
     let good = state.while_loading(|| clips.load(&text));
-    for (line, doubtful, text) in state.take_mistakes() {
+    for LoadMessage { line, is_warning, text } in state.take_load_messages() {
         let complaint = Diagnostic::new(program, line_span(program.text(), line), sentence(&text));
-        if doubtful {
+        if is_warning {
             state.sender().note(complaint.to_string());
         } else {
             complaints.push(complaint);

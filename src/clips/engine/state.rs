@@ -16,8 +16,14 @@ use super::wm_facts::WmFacts;
 use crate::memory::Memory;
 use crate::store::Namespace;
 
-/// A mistake in a text that is being loaded: its line, whether it is only doubtful, the message of CLIPS.
-pub(super) type Mistake = (usize, bool, String);
+/// What CLIPS says of a text that is being loaded.
+pub(super) struct LoadMessage {
+    /// The line of the text.
+    pub(super) line: usize,
+    /// Whether it is a warning, and no error.
+    pub(super) is_warning: bool,
+    pub(super) text: String,
+}
 
 /// Where Fawkes has its mutexes.
 const MUTEXES: &str = "robmem_coordination.mutex";
@@ -36,7 +42,7 @@ pub(super) struct State<'m> {
     stop: Stop,
     exited: Cell<Option<i32>>,
     loading: Cell<bool>,
-    mistakes: RefCell<Vec<Mistake>>,
+    load_messages: RefCell<Vec<LoadMessage>>,
     /// What a command complains about, while one is run.
     complaints: RefCell<Option<Vec<u8>>>,
     /// Where mutexes are.
@@ -59,7 +65,7 @@ impl<'m> State<'m> {
             stop,
             exited: Cell::new(None),
             loading: Cell::new(false),
-            mistakes: RefCell::default(),
+            load_messages: RefCell::default(),
             complaints: RefCell::default(),
             mutexes: RefCell::new(job.mutexes.clone()),
             trace: Trace::default(),
@@ -121,9 +127,9 @@ impl<'m> State<'m> {
         }
     }
 
-    /// The mistakes found since the last call.
-    pub(super) fn take_mistakes(&self) -> Vec<Mistake> {
-        std::mem::take(&mut self.mistakes.borrow_mut())
+    /// What CLIPS has said of the loaded text since the last call.
+    pub(super) fn take_load_messages(&self) -> Vec<LoadMessage> {
+        std::mem::take(&mut self.load_messages.borrow_mut())
     }
 }
 
@@ -164,9 +170,9 @@ impl Host for State<'_> {
         }
     }
 
-    fn parsed(&self, line: usize, doubtful: bool, text: &str) {
+    fn parsed(&self, line: usize, is_warning: bool, text: &str) {
         if self.loading.get() {
-            self.mistakes.borrow_mut().push((line, doubtful, text.to_owned()));
+            self.load_messages.borrow_mut().push(LoadMessage { line, is_warning, text: text.to_owned() });
         }
     }
 }

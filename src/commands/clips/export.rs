@@ -1,6 +1,6 @@
 //! `rmem clips export [NS [QUERY]]`: documents as CLIPS facts.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bson::Document;
 use clap::{Args, ValueEnum};
@@ -79,72 +79,107 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
         NestedValues::Flatten => Nested::Flatten,
         NestedValues::Json => Nested::Json,
     };
-    let exporter = Exporter { schema: &schema, nested, strict: args.strict };
-    let mut text = form.opening();
-    let (mut count, mut invalid) = (0_usize, 0_usize);
-    let mut skip = |error: Error, context: &mut Context<'_>| {
-        if !args.skip_invalid {
-            return Err(error);
-        }
-        invalid += 1;
-        if invalid <= WARNED {
-            context.output.warn(&error.to_string());
-        }
-        Ok(())
+    let mut facts = Facts {
+        exporter: Exporter { schema: &schema, nested, strict: args.strict },
+        text: form.opening(),
+        form,
+        skips_invalid: args.skip_invalid,
+        written: 0,
+        left_out: 0,
     };
-    if let Some(path) = &args.from {
-        if !arguments.is_empty() {
+    match &args.from {
+        None => facts.add_collection(&arguments, context)?,
+        Some(path) if arguments.is_empty() => facts.add_file(path, context)?,
+        Some(_) => {
             return Err(UsageError::new("documents come from --from or from a namespace, not from both").into());
         }
+    }
+    context.output.write_file(&args.output, facts.closed().as_bytes())?;
+    schema.respelled.take().iter().for_each(|name| context.output.note(name));
+    context.output.note(&facts.summary());
+    Ok(Exit::Done)
+}
+
+/// The facts that are written.
+struct Facts<'a> {
+    exporter: Exporter<'a>,
+    form: Form<'a>,
+    text: String,
+    /// Whether documents that no fact can hold are left out, and no error.
+    skips_invalid: bool,
+    written: usize,
+    left_out: usize,
+}
+
+impl Facts<'_> {
+    /// Adds the documents of a file.
+    fn add_file(&mut self, path: &Path, context: &mut Context<'_>) -> Result<()> {
         let source = context.read(path)?;
         for (span, document) in shell::parse_documents(&source)? {
-            match form.fact(&exporter, &document) {
-                Ok(fact) => form.write(&fact, &mut text),
-                Err(error) => {
-                    skip(complain(&source, span, &error).into(), context)?;
-                    continue;
-                }
-            }
-            count += 1;
+            self.add(&document, context, |error| complain(&source, span, error).into())?;
         }
-    } else {
-        let mut arguments = arguments.into_iter();
-        let namespace = match arguments.next() {
+        Ok(())
+    }
+
+    /// Adds the documents of a collection: `[NS [QUERY]]`.
+    fn add_collection(&mut self, arguments: &[&str], context: &mut Context<'_>) -> Result<()> {
+        let namespace = match arguments.first() {
             Some(name) => name.parse()?,
             None => context.settings.collection.value.clone(),
         };
-        let query = arguments.next();
+        let query = arguments.get(1).copied();
         let filter = query.map(|query| argument("<query>", query)).transpose()?.unwrap_or_default();
         let texts = query.map(|query| ("<query>", query));
         let shown = |error| blame(error, texts.as_slice());
         let memory = context.memory()?;
-        let mut is_empty = true;
         let found = memory.find_with_metadata(&namespace, &Find { filter, ..Find::default() });
         for document in found.map_err(shown)? {
             let document = document.and_then(owned).map_err(shown)?;
-            match form.fact(&exporter, &document) {
-                Ok(fact) => form.write(&fact, &mut text),
-                Err(error) => {
-                    skip(refuse(&namespace, &document, &error).into(), context)?;
-                    is_empty = false;
-                    continue;
-                }
-            }
-            count += 1;
+            self.add(&document, context, |error| refuse(&namespace, &document, error).into())?;
         }
-        if count == 0 && is_empty {
+        if self.written + self.left_out == 0 {
             missing::warn(&namespace, &memory, context);
         }
+        Ok(())
     }
-    text.push_str(form.closing());
-    context.output.write_file(&args.output, text.as_bytes())?;
-    schema.respelled.take().iter().for_each(|name| context.output.note(name));
-    let left_out = match invalid {
-        0 => String::new(),
-        _ => format!("; {invalid} {} left out", plural(invalid, "document was", "documents were")),
-    };
-    context.output.note(&format!("{count} {}{left_out}", plural(count, "fact", "facts")));
-    Ok(Exit::Done)
+
+    /// Adds the fact of a document; `explain` gives the error where no fact can hold it.
+    fn add(
+        &mut self,
+        document: &Document,
+        context: &mut Context<'_>,
+        explain: impl FnOnce(&FactError) -> Error,
+    ) -> Result<()> {
+        match self.form.fact(&self.exporter, document) {
+            Ok(fact) => {
+                self.form.write(&fact, &mut self.text);
+                self.written += 1;
+            }
+            Err(error) if self.skips_invalid => {
+                self.left_out += 1;
+                if self.left_out <= WARNED {
+                    context.output.warn(&explain(&error).to_string());
+                }
+            }
+            Err(error) => return Err(explain(&error)),
+        }
+        Ok(())
+    }
+
+    /// The whole text.
+    fn closed(&mut self) -> &str {
+        self.text.push_str(self.form.closing());
+        &self.text
+    }
+
+    /// How many facts were written, and how many documents left out.
+    fn summary(&self) -> String {
+        let left_out = match self.left_out {
+            0 => String::new(),
+            count => format!("; {count} {} left out", plural(count, "document was", "documents were")),
+        };
+        format!("{} {}{left_out}", self.written, plural(self.written, "fact", "facts"))
+    }
 }
 
 /// What facts are written as.

@@ -14,7 +14,7 @@ use crate::exit::Exit;
 use crate::formats::plan::read_plan;
 use crate::formats::{Source, shell};
 use crate::output::Format;
-use crate::pddl::{Plan, Validation, repair, validate};
+use crate::pddl::{Domain, Plan, Problem, Validation, repair, validate};
 use crate::plan::{IMPORTED, Repository, rounded, to_document};
 use crate::planner::{Task, spaced};
 use crate::planning::PlanningTask;
@@ -74,22 +74,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
             }
             plan.cost = value.or(plan.cost);
         }
-        verdict => {
-            let reason = names::readable(&verdict.to_string());
-            context.output.error(&format!("{} is not stored: {reason}", file.name()));
-            for repair in repair(&domain, &task.problem, &plan.steps) {
-                context.output.note(&names::readable(&repair.to_string()));
-            }
-            let exit = if matches!(verdict, Validation::Invalid(_)) { Exit::No } else { Exit::Unsupported };
-            if is_json {
-                let outcome = if exit == Exit::No { "invalid" } else { "unsupported" };
-                let exit = i32::from(exit.code());
-                let report =
-                    doc! { "id": null, "namespace": null, "outcome": outcome, "exit": exit, "message": reason };
-                context.output.line(&shell::relaxed(&report))?;
-            }
-            return Ok(exit);
-        }
+        verdict => return refuse(file.name(), &verdict, (&domain, &task.problem, &plan), is_json, context),
     }
     let mut lineage = task.lineage(source);
     lineage.planner = IMPORTED.to_owned();
@@ -108,4 +93,29 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
         context.output.line(&id)?;
     }
     Ok(Exit::Done)
+}
+
+/// Prints why a plan is not stored, and how it could be mended.
+fn refuse(
+    file: &str,
+    verdict: &Validation,
+    (domain, problem, plan): (&Domain, &Problem, &Plan),
+    is_json: bool,
+    context: &mut Context<'_>,
+) -> Result<Exit> {
+    let reason = names::readable(&verdict.to_string());
+    context.output.error(&format!("{file} is not stored: {reason}"));
+    for repair in repair(domain, problem, &plan.steps) {
+        context.output.note(&names::readable(&repair.to_string()));
+    }
+    let (outcome, exit) = match verdict {
+        Validation::Invalid(_) => ("invalid", Exit::No),
+        _ => ("unsupported", Exit::Unsupported),
+    };
+    if is_json {
+        let code = i32::from(exit.code());
+        let report = doc! { "id": null, "namespace": null, "outcome": outcome, "exit": code, "message": reason };
+        context.output.line(&shell::relaxed(&report))?;
+    }
+    Ok(exit)
 }

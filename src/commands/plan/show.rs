@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-use bson::{Bson, DateTime};
+use bson::{Bson, DateTime, Document};
 use clap::{Args, ValueEnum};
 
 use super::stored::{self, StoredArgs};
@@ -62,30 +62,44 @@ pub enum FactLayouts {
 
 pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::STORED_PLAN)?;
+    check_options(args, format)?;
+    let memory = context.memory()?;
+    let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
+    match format {
+        Format::Document => context.output.line(&shell::relaxed(&without_metadata(&record)))?,
+        Format::Json => {
+            report(&record, Some(&args.plan.namespace), error::exit_of_word(&record.outcome()), context)?;
+        }
+        _ => print_plan(&record, format, args, context)?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Refuses options that the format, or the layout of its facts, does not have.
+fn check_options(args: &ShowArgs, format: Format) -> Result<(), UsageError> {
     if args.layout.is_some() && format != Format::Clips {
-        return Err(UsageError::new("--layout is for facts; add --format clips").into());
+        return Err(UsageError::new("--layout is for facts; add --format clips"));
     }
     let is_fawkes = args.layout == Some(FactLayouts::Fawkes);
     if args.goal_id != NIL && !is_fawkes {
         let cx = if args.layout == Some(FactLayouts::Cx) { "; facts for cx have an --instance" } else { "" };
-        return Err(UsageError::new(format!("--goal-id is for --format clips --layout fawkes{cx}")).into());
+        return Err(UsageError::new(format!("--goal-id is for --format clips --layout fawkes{cx}")));
     }
     if args.instance != NIL && args.layout != Some(FactLayouts::Cx) {
-        return Err(UsageError::new("--instance is for --format clips --layout cx").into());
+        return Err(UsageError::new("--instance is for --format clips --layout cx"));
     }
-    let memory = context.memory()?;
-    let record = stored::get(&args.plan, Last::Plan, &memory, context)?;
-    let id = record.id();
+    Ok(())
+}
+
+fn without_metadata(record: &Record) -> Document {
     let mut document = record.document.clone();
     document.remove(metadata::INFO);
-    if format == Format::Document {
-        context.output.line(&shell::relaxed(&document))?;
-        return Ok(Exit::Done);
-    }
-    if format == Format::Json {
-        report(&record, Some(&args.plan.namespace), error::exit_of_word(&record.outcome()), context)?;
-        return Ok(Exit::Done);
-    }
+    document
+}
+
+/// Prints the steps of a stored plan, as text, facts or a drawing.
+fn print_plan(record: &Record, format: Format, args: &ShowArgs, context: &mut Context<'_>) -> Result<()> {
+    let (id, document) = (record.id(), without_metadata(record));
     // The memory's own values, with their types, by the names that stand for them here.
     let values = RefCell::new(HashMap::new());
     let name = |value: &Bson| {
@@ -103,7 +117,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
     if format == Format::Timeline {
         let chart = timeline(&found, &record.progress(), format!("plan {id}"));
         context.output.stdout().write_all(chart.draw()?.svg().as_bytes())?;
-        return Ok(Exit::Done);
+        return Ok(());
     }
     let statuses: Vec<Status> = record.progress().iter().map(|progress| progress.status).collect();
     let values = values.into_inner();
@@ -125,13 +139,13 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
         check_lanes(lanes, &printed)?;
     }
     let layout = match args.layout {
-        None | Some(FactLayouts::Rmem) => return print(&printed, context).map(|()| Exit::Done),
+        None | Some(FactLayouts::Rmem) => return print(&printed, context),
         Some(FactLayouts::Fawkes) => FactLayout::Fawkes { goal: &args.goal_id },
         Some(FactLayouts::Cx) => FactLayout::Cx { instance: &args.instance },
     };
     let text = printed.facts(layout)?;
     context.output.stdout().write_all(text.as_bytes())?;
-    Ok(Exit::Done)
+    Ok(())
 }
 
 /// Refuses a parameter that no step has.

@@ -48,7 +48,7 @@ pub fn check(stages: &[Document]) -> Result<(), QueryError> {
     let names = stages.iter().flat_map(Document::keys);
     if let Some(name) = names.into_iter().find(|name| matches!(name.as_str(), "$out" | "$merge")) {
         let message = format!("a computable gives documents and stores none itself; leave {name} out");
-        return Err(QueryError { operator: Some(name.clone()), ..QueryError::bad_value(message) });
+        return Err(QueryError::bad_value(message).about(name));
     }
     let Ok(stages) = bind(stages, &Document::new()) else { return Ok(()) };
     match Stages::parse(&stages) {

@@ -3,7 +3,7 @@
 use bson::{Bson, Document, doc};
 
 use super::view::View;
-use crate::memory::unseen;
+use crate::memory::hidden_metadata;
 use crate::query::is_empty_match;
 use crate::store::Namespace;
 
@@ -75,7 +75,7 @@ pub(in crate::memory) fn visible_stages(
     is_shown: bool,
 ) -> Vec<Document> {
     let mut stages = seen_stages(ns, stages, Sight { view, is_shown, is_inner: false });
-    unseen::date_results(&mut stages, view.time());
+    hidden_metadata::date_results(&mut stages, view.time());
     stages
 }
 
@@ -107,7 +107,7 @@ fn seen_stages(ns: &Namespace, stages: &[Document], sight: Sight<'_>) -> Vec<Doc
         return stages;
     }
     let rest = stages.split_off(1);
-    stages.extend(unseen::in_stages(rest, sight.is_inner));
+    stages.extend(hidden_metadata::in_stages(rest, sight.is_inner));
     stages
 }
 
@@ -149,7 +149,7 @@ fn with_visible_others(ns: &Namespace, stage: &Document, sight: Sight<'_>) -> Ve
                     Some(_) => {}
                 }
                 let path = spec.get_str("as").ok().filter(|path| !path.starts_with('$'));
-                after = path.filter(|_| !sight.is_shown).map(unseen::in_array);
+                after = path.filter(|_| !sight.is_shown).map(hidden_metadata::in_array);
             }
             ("$facet", Bson::Document(facets)) => {
                 for (_, inner) in facets.iter_mut() {

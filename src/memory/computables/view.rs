@@ -3,7 +3,7 @@
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
 
-use crate::memory::unseen;
+use crate::memory::hidden_metadata;
 use crate::store::metadata;
 
 /// What an operation sees: documents that have not decayed, and of those that
@@ -96,7 +96,7 @@ impl View {
         if filter.is_empty() {
             visible
         } else {
-            doc! { "$and": [unseen::in_filter(filter), visible] }
+            doc! { "$and": [hidden_metadata::in_filter(filter), visible] }
         }
     }
 }

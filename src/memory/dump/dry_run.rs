@@ -9,7 +9,7 @@ use super::batch::{batches, undated};
 use super::error::{RestoreError, unchanged};
 use super::read::{Dump, Part};
 use crate::memory::Memory;
-use crate::process::litter;
+use crate::process::stale_files;
 use crate::query::{Collation, QueryError};
 use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
 
@@ -94,7 +94,7 @@ impl<'a> TrialStore<'a> {
             unchanged(namespace, StoreError::Failed { address, reason })
         };
         let folder = tempfile::Builder::new()
-            .prefix(&litter::prefix(temporary, ".rmem-"))
+            .prefix(&stale_files::prefix(temporary, ".rmem-"))
             .tempdir_in(temporary)
             .map_err(failed)?;
         let store = Embedded::open(folder.path().join("trial.rmem")).map_err(|source| unchanged(namespace, source))?;

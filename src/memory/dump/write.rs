@@ -14,7 +14,7 @@ use crate::fault::{AtFault, Fault};
 use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
 use crate::interrupt::Unfinished;
 use crate::memory::Memory;
-use crate::process::litter;
+use crate::process::stale_files;
 use crate::store::{Find, Index, Namespace, StoreError, index};
 
 /// The prefix of temporary files.
@@ -80,7 +80,7 @@ pub fn write_folder(
     }
     check_place(path)?;
     let mut builder = tempfile::Builder::new();
-    let prefix = litter::prefix(beside(path), PREFIX);
+    let prefix = stale_files::prefix(beside(path), PREFIX);
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o777));
     // The error leaves out the name of the temporary folder.
     let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
@@ -111,7 +111,7 @@ pub fn write_archive(
     let failed = |source| DumpError::Write { path: path.to_owned(), source };
     check_place(path)?;
     let mut builder = tempfile::Builder::new();
-    let prefix = litter::prefix(beside(path), PREFIX);
+    let prefix = stale_files::prefix(beside(path), PREFIX);
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o666));
     let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
     let _unfinished = Unfinished::new(&staged);

@@ -6,8 +6,9 @@ use super::context::Context;
 use super::direct::lock;
 use super::files::Files;
 use super::hint::Mistake;
+use super::instrument::Instrumented;
 use super::{blocks, hint};
-use crate::formats::{Diagnostic, Span};
+use crate::formats::{Diagnostic, Source, Span};
 use crate::problem::ProblemError;
 use crate::problem::origin::from_document;
 
@@ -48,16 +49,49 @@ fn joined(template: &str, span: Span) -> Span {
 
 /// What went wrong, at its place in the template as it was written.
 pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> ProblemError {
-    // The innermost error knows the place; the ones around it say which block or macro it was in.
+    let innermost = innermost(error);
+    let placed = if innermost.range().is_some() { innermost } else { error };
+    let Some((template, instrumented)) = files.of(placed.name()) else {
+        return ProblemError::Template(files.texts.complain(Span::default(), error.to_string()));
+    };
+    let span = place(template, instrumented, context, placed);
+    let span = if is_bare_undefined(innermost) { joined(template.text(), span) } else { span };
+    if let Some(failure) = context.failure() {
+        return ProblemError::store(template, span, failure);
+    }
+    if is_about_blocks(innermost)
+        && let Some(unclosed) = blocks::unclosed(template)
+    {
+        return ProblemError::Template(unclosed);
+    }
+    let expression = template.slice(span).trim().trim_matches(['{', '}', '-']).trim();
+    let missing =
+        context.missing().filter(|missing| expression.trim_end_matches(['"', '\'', ']']).ends_with(&missing.key));
+    let code = template.text().get(span.start..).unwrap_or_default();
+    let keys = context.looked.keys();
+    let missing = missing.as_ref();
+    let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing, keys: &keys };
+    let diagnostic = Diagnostic::new(template, span, message(innermost, expression));
+    let document = is_of_value(innermost).then(|| context.looked.document_of(expression)).flatten();
+    let diagnostic = match document.as_deref() {
+        Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
+        None => diagnostic,
+    };
+    ProblemError::Template(hint::hints(&mistake).into_iter().fold(diagnostic, Diagnostic::hint))
+}
+
+/// The innermost error, which knows the place; the ones around it say which block or macro it was in.
+fn innermost(error: &Error) -> &Error {
     let mut innermost = error;
     while let Some(inner) = std::error::Error::source(innermost).and_then(|source| source.downcast_ref::<Error>()) {
         innermost = inner;
     }
-    let placed = if innermost.range().is_some() { innermost } else { error };
-    let range = placed.range().unwrap_or(0..0);
-    let Some((template, instrumented)) = files.of(placed.name()) else {
-        return ProblemError::Template(files.texts.complain(Span::default(), error.to_string()));
-    };
+    innermost
+}
+
+/// Where an error is in the template as it was written.
+fn place(template: &Source, instrumented: &Instrumented, context: &Context, error: &Error) -> Span {
+    let range = error.range().unwrap_or(0..0);
     let base = instrumented.original(0);
     let length = base + template.text().len();
     let start = instrumented.original(range.start).min(length);
@@ -69,24 +103,29 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         span = around.min_by_key(|site| site.end - site.start).copied().unwrap_or(span);
     }
     let span = context.compared.refused().or(*lock(&context.stopped)).unwrap_or(span);
-    let span = Span::new(span.start.saturating_sub(base), span.end.saturating_sub(base));
-    let span = if is_bare_undefined(innermost) { joined(template.text(), span) } else { span };
-    if let Some(failure) = context.failure() {
-        return ProblemError::store(template, span, failure);
-    }
+    Span::new(span.start.saturating_sub(base), span.end.saturating_sub(base))
+}
+
+/// Whether an error may come from a block that is not closed.
+fn is_about_blocks(error: &Error) -> bool {
     let is_block = |detail: &str| detail.contains("end of input") || detail.contains("unknown statement end");
-    if innermost.kind() == ErrorKind::SyntaxError
-        && innermost.detail().is_some_and(is_block)
-        && let Some(unclosed) = blocks::unclosed(template)
-    {
-        return ProblemError::Template(unclosed);
-    }
-    let expression = template.slice(span).trim().trim_matches(['{', '}', '-']).trim();
-    let detail = innermost.detail().unwrap_or_default();
-    let missing =
-        context.missing().filter(|missing| expression.trim_end_matches(['"', '\'', ']']).ends_with(&missing.key));
-    let message = match innermost.kind() {
-        ErrorKind::UnknownFilter if !detail.contains("safe") => format!("unknown filter `{}`", hint::quoted(detail)),
+    error.kind() == ErrorKind::SyntaxError && error.detail().is_some_and(is_block)
+}
+
+/// Whether a value of a document is no name.
+fn is_of_value(error: &Error) -> bool {
+    let detail = error.detail().unwrap_or_default();
+    error.kind() == ErrorKind::InvalidOperation && UNNAMED.iter().any(|text| detail.contains(text))
+}
+
+/// An error in rmem's words; `expression` is what stands at its place.
+fn message(error: &Error, expression: &str) -> String {
+    let detail = error.detail().unwrap_or_default();
+    match error.kind() {
+        ErrorKind::UnknownFilter if detail.contains("safe") => {
+            "there is no filter `safe`: values are always names or numbers".to_owned()
+        }
+        ErrorKind::UnknownFilter => format!("unknown filter `{}`", hint::quoted(detail)),
         ErrorKind::UnknownTest => format!("unknown test `{}`", hint::quoted(detail)),
         ErrorKind::UnknownFunction => format!("unknown function `{}`", detail.trim_end_matches(" is unknown")),
         ErrorKind::UndefinedError if detail.starts_with('`') => detail.to_owned(),
@@ -96,28 +135,11 @@ pub(super) fn explain(files: &Files, context: &Context, error: &Error) -> Proble
         ErrorKind::TemplateNotFound => {
             "there is no such template; one that is included is named in quotes, in the tag itself".to_owned()
         }
-        ErrorKind::WriteFailure => std::error::Error::source(innermost)
+        ErrorKind::WriteFailure => std::error::Error::source(error)
             .map_or_else(|| "the text cannot be written".to_owned(), ToString::to_string),
         ErrorKind::OutOfFuel => "the template does not come to an end".to_owned(),
-        ErrorKind::UnknownFilter if detail.contains("safe") => {
-            "there is no filter `safe`: values are always names or numbers".to_owned()
-        }
         kind if detail.is_empty() => kind.to_string(),
         ErrorKind::InvalidOperation => detail.to_owned(),
         kind => format!("{kind}: {detail}"),
-    };
-    let code = template.text().get(span.start..).unwrap_or_default();
-    let keys = context.looked.keys();
-    let missing = missing.as_ref();
-    let mistake = Mistake { error: innermost, template: template.text(), expression, code, missing, keys: &keys };
-    let hints = hint::hints(&mistake);
-    let diagnostic = Diagnostic::new(template, span, message);
-    // A value of the document is no name.
-    let is_value = innermost.kind() == ErrorKind::InvalidOperation && UNNAMED.iter().any(|text| detail.contains(text));
-    let document = is_value.then(|| context.looked.document_of(expression)).flatten();
-    let diagnostic = match document.as_deref() {
-        Some((namespace, id)) => diagnostic.hint(from_document(namespace, id)),
-        None => diagnostic,
-    };
-    ProblemError::Template(hints.into_iter().fold(diagnostic, Diagnostic::hint))
+    }
 }

@@ -196,7 +196,7 @@ fn switched(
         }
     }
     let message = "$switch could not find a matching branch, and has no default";
-    default.ok_or_else(|| QueryError::invalid(40_066, message))?.evaluate(environment)
+    default.ok_or_else(|| QueryError::invalid(40_066, message).about("$switch"))?.evaluate(environment)
 }
 
 /// `$map`: what the body makes of each item, which is in a slot.
@@ -238,7 +238,7 @@ fn reduced(
 /// `$function`: what JavaScript returns.
 fn called(program: &Program, arguments: &Expression, environment: &Environment<'_>) -> Result<Value> {
     let Some(Bson::Array(values)) = arguments.evaluate(environment)? else {
-        return Err(QueryError::invalid(31_266, "the 'args' of $function must be an array"));
+        return Err(QueryError::invalid(31_266, "the 'args' of $function must be an array").about("$function"));
     };
     let value = program.call(&values.into_iter().map(Some).collect::<Vec<_>>())?;
     Ok(value.map(|value| if value == Bson::Undefined { Bson::Null } else { value }))
@@ -289,7 +289,10 @@ fn kept(
         Some(value) if is_nullish(&value) => None,
         Some(value) => match value.as_ref().and_then(Number::of).and_then(Number::integral_32) {
             Some(limit) if limit >= 1 => usize::try_from(limit).ok(),
-            _ => return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")),
+            _ => {
+                return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")
+                    .about("$filter"));
+            }
         },
     };
     let (mut kept, mut held) = (Vec::new(), Held::default());
@@ -313,7 +316,8 @@ fn array(operator: &str, code: i32, value: Value) -> Result<Option<Vec<Bson>>> {
         Some(Bson::Array(items)) => Ok(Some(items)),
         None | Some(Bson::Null | Bson::Undefined) => Ok(None),
         Some(other) => {
-            Err(QueryError::invalid(code, format!("input to {operator} must be an array, not {}", type_name(&other))))
+            Err(QueryError::invalid(code, format!("input to {operator} must be an array, not {}", type_name(&other)))
+                .about(operator))
         }
     }
 }

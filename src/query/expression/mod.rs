@@ -31,6 +31,7 @@ use bson::Bson;
 
 use super::error::Result;
 pub(super) use boundary::{Unit, date_step};
+pub(super) use register::UNKNOWN_EXPRESSION;
 pub(super) use scope::{Environment, Scope, Variables, check_name};
 pub(super) use tree::{Expression, field_value};
 pub(super) use value::Value;

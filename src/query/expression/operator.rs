@@ -52,7 +52,7 @@ impl Arguments {
 
 impl Operator {
     pub(super) fn run(&self, arguments: &[Value]) -> Result<Value> {
-        (self.call)(arguments)
+        (self.call)(arguments).map_err(|error| error.about(self.name))
     }
 
     /// Returns the value that is known without the arguments that follow: some operators take one after the other,
@@ -66,7 +66,7 @@ impl Operator {
 
 impl Named {
     pub(super) fn run(&self, arguments: &Arguments) -> Result<Value> {
-        (self.call)(arguments)
+        (self.call)(arguments).map_err(|error| error.about(self.name))
     }
 }
 

@@ -122,7 +122,7 @@ impl<'a> Reader<'a> {
                         let message = "an object representing an expression must have exactly one field";
                         return Err(QueryError::invalid(15_983, message));
                     }
-                    deeper.operator(name, argument)
+                    deeper.operator(name, argument).map_err(|error| error.about(name))
                 }
                 _ => deeper.document(document),
             },
@@ -137,7 +137,7 @@ impl<'a> Reader<'a> {
                 let message =
                     format!("the field name '{name}' in an expression may not be empty, or have '.' or a leading '$'");
                 let is_path = name.contains('.') && !name.starts_with('$');
-                return Err(QueryError::invalid(if is_path { 16_412 } else { 16_410 }, message));
+                return Err(QueryError::invalid(if is_path { 16_412 } else { 16_410 }, message).about(name));
             }
             fields.push((name.clone(), self.read(value)?));
         }
@@ -302,7 +302,7 @@ impl<'a> Reader<'a> {
             _ => {
                 let starts = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || !c.is_ascii());
                 let message = if starts { "use of undefined variable" } else { "not a valid name of a variable" };
-                Err(QueryError::invalid(17_276, format!("{message}: {name}")))
+                Err(QueryError::invalid(17_276, format!("{message}: {name}")).about(&format!("$${name}")))
             }
         }
     }
@@ -327,7 +327,8 @@ pub(super) fn parts(path: &str) -> Result<Vec<String>> {
             return Err(QueryError::invalid(
                 16_410,
                 format!("the field path '{path}' has a part that starts with '$'"),
-            ));
+            )
+            .about(part));
         }
         if part.contains('\0') {
             return Err(QueryError::invalid(16_411, "a field path may not contain a NUL"));

@@ -20,6 +20,9 @@ const FAMILIES: [&[Operator]; 8] = [
 const NAMED: [&[Named]; 6] =
     [&array::NAMED, &convert::NAMED, &date::NAMED, &object::NAMED, &pattern::NAMED, &string::NAMED];
 
+/// MongoDB's code for an expression that it does not know.
+pub(in crate::query) const UNKNOWN_EXPRESSION: i32 = 168;
+
 /// Operators of MongoDB that rmem refuses by name.
 const REFUSED: [&str; 2] = ["$accumulator", "$toHashedIndexKey"];
 
@@ -36,5 +39,5 @@ pub(super) fn unknown(name: &str) -> QueryError {
     if REFUSED.contains(&name) {
         return QueryError::unsupported(name);
     }
-    QueryError::invalid(168, format!("unrecognized expression '{name}'"))
+    QueryError::invalid(UNKNOWN_EXPRESSION, format!("unrecognized expression '{name}'")).about(name)
 }

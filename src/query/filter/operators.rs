@@ -3,11 +3,11 @@
 use bson::{Bson, Document};
 
 use super::bits::Bits;
-use super::parse::{Parser, array};
+use super::parse::{Parser, array, unknown};
 use super::test::{Leaf, Order, Set, Test};
 use super::types::TypeSet;
 use crate::query::dollar::is_operator_object;
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{NameContext, QueryError, Result};
 use crate::query::geo::{OPERATORS, Region, alone};
 use crate::query::number::{Number, double_to_long};
 use crate::query::regex::Pattern;
@@ -63,7 +63,7 @@ pub(super) fn field_operator(
                 "{name} must be the first operator of a field, at the top of a filter"
             )));
         }
-        _ => return Err(QueryError::bad_value(format!("unknown operator: {name}"))),
+        _ => return Err(unknown(NameContext::Condition, name, "unknown operator")),
     };
     Ok(Some(Test::Leaf(leaf)))
 }

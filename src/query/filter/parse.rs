@@ -7,7 +7,7 @@ use super::schema::Schema;
 use super::test::{Leaf, Test};
 use super::tree::{Node, TextSearch};
 use crate::query::dollar::{is_operators, is_reference_key};
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{NameContext, QueryError, QueryMistake, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::geo::{Near, OPERATORS};
 use crate::query::javascript::Program;
@@ -83,7 +83,7 @@ impl<'a> Parser<'a> {
         let mut children = Vec::with_capacity(filter.len());
         for (name, value) in filter {
             if name.starts_with('$') && !is_reference_key(name) {
-                children.extend(parser.top(name, value)?);
+                children.extend(parser.top(name, value).map_err(|error| error.about(name))?);
             } else if let Some(near) = parser.near(name, value)? {
                 children.push(near);
             } else {
@@ -143,22 +143,20 @@ impl<'a> Parser<'a> {
                 _ => return Err(QueryError::bad_value("$sampleRate must be between 0 and 1")),
             },
             "$where" if self.takes_code => Node::Where(Box::new(Program::predicate(value)?)),
-            "$where" => return Err(QueryError::bad_value("$where is not allowed in this context").about(name)),
-            "$text" if self.takes_search => {
-                Node::Text(Box::new(TextSearch::new(Search::parse(value).map_err(|error| error.about(name))?)))
-            }
+            "$where" => return Err(QueryError::bad_value("$where is not allowed in this context")),
+            "$text" if self.takes_search => Node::Text(Box::new(TextSearch::new(Search::parse(value)?))),
             "$text" if self.distance == Distance::Stage => {
                 let message = "$match with $text is only allowed as the first stage of a pipeline";
-                return Err(QueryError::invalid(NOT_IN_FRONT, message).about(name));
+                return Err(QueryError::invalid(NOT_IN_FRONT, message));
             }
-            "$text" => return Err(QueryError::bad_value("$text is only allowed at the top of a query").about(name)),
-            _ => return Err(QueryError::bad_value(format!("unknown top level operator: {name}")).about(name)),
+            "$text" => return Err(QueryError::bad_value("$text is only allowed at the top of a query")),
+            _ => return Err(unknown(NameContext::Filter, name, "unknown top level operator")),
         }))
     }
 
     fn filters(&self, name: &str, value: &Bson) -> Result<Vec<Node>> {
         let Bson::Array(items) = value else {
-            return Err(QueryError::bad_value(format!("{name} must be an array")));
+            return Err(QueryError::bad_value(format!("{name} must be an array")).of_kind(QueryMistake::NoArray));
         };
         if items.is_empty() {
             return Err(QueryError::bad_value(format!("{name} must be a nonempty array")));
@@ -210,13 +208,18 @@ impl<'a> Parser<'a> {
             Leaf::ElementPasses(Box::new(self.operators(inner)?))
         } else {
             if let Some(refused) = inner.keys().find(|name| matches!(name.as_str(), "$text" | "$where" | "$expr")) {
-                return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")));
+                return Err(QueryError::bad_value(format!("{refused} cannot be in $elemMatch")).about(refused));
             }
             Leaf::ElementMatches(Box::new(
                 Self { takes_code: false, takes_search: false, ..self.within() }.filter(inner)?,
             ))
         }))
     }
+}
+
+/// The error for a name that is known nowhere, or not where it stands.
+pub(super) fn unknown(context: NameContext, name: &str, what: &str) -> QueryError {
+    QueryError::bad_value(format!("{what}: {name}")).about(name).of_kind(QueryMistake::UnknownName(context))
 }
 
 /// Returns the elements of an operator's array.

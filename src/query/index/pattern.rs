@@ -68,65 +68,31 @@ impl Pattern {
     /// # Errors
     /// As [`Pattern::parse`].
     pub fn parse_with(pattern: &Document, options: &Document) -> Result<Self> {
-        let cannot = |message: String| QueryError::invalid(CANNOT_CREATE, message);
         if pattern.is_empty() {
-            return Err(cannot("an index needs at least one key, like {name: 1}".to_owned()));
+            return Err(cannot("an index needs at least one key, like {name: 1}"));
         }
         if pattern.len() > MAX_FIELDS {
             return Err(QueryError::invalid(13_103, format!("an index has at most {MAX_FIELDS} keys")));
         }
         if pattern.values().any(text::is_key) {
             let text = Some(Arc::new(TextIndex::parse(pattern, options)?));
-            return Ok(Self {
-                keys: Keys::default(),
-                collation: None,
-                places: None,
-                wildcard: None,
-                text,
-                hashed: false,
-            });
+            return Ok(Self { text, ..Self::empty() });
         }
         if pattern.keys().any(|name| wildcard::is_key(name)) {
             let wildcard = Some(Wildcard::parse(pattern, options)?);
-            return Ok(Self {
-                keys: Keys::default(),
-                collation: None,
-                places: None,
-                wildcard,
-                text: None,
-                hashed: false,
-            });
+            return Ok(Self { wildcard, ..Self::empty() });
         }
         if options.contains_key(wildcard::PROJECTION) {
-            return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}"));
+            return Err(QueryError::bad_value("wildcardProjection is for wildcard indexes, like {'$**': 1}")
+                .about("wildcardProjection"));
         }
-        let mut keys = Keys::default();
-        for (name, direction) in pattern {
-            check_name(name)?;
-            let descending = match (direction, Number::of(direction).map(Number::to_double)) {
-                (direction, _) if is_place(direction) => false,
-                (direction, _) if is_hashed(direction) => false,
-                (Bson::String(index_type), _) => {
-                    let mut refusal = QueryError::unsupported(index_type);
-                    refusal.message = format!("an index of type `{index_type}` is not supported by the embedded store");
-                    return Err(refusal);
-                }
-                (_, Some(number)) if number > 0.0 => false,
-                (_, Some(number)) if number < 0.0 => true,
-                _ => {
-                    return Err(cannot(format!(
-                        "the key `{name}` of an index takes 1, -1, \"2d\", \"2dsphere\", \"hashed\" or \"text\""
-                    )));
-                }
-            };
-            keys.push(Path::parse(name)?, descending);
-        }
+        let keys = keys(pattern)?;
         let hashed = pattern.values().any(is_hashed);
         if pattern.values().filter(|kind| is_hashed(kind)).count() > 1 {
             return Err(QueryError::invalid(MANY_HASHED, "an index has at most one hashed key"));
         }
         if hashed && pattern.values().any(is_place) {
-            return Err(cannot("an index of places cannot have a hashed key".to_owned()));
+            return Err(cannot("an index of places cannot have a hashed key"));
         }
         let places = pattern.values().any(is_place).then(|| Places::parse(pattern, options)).transpose()?;
         let collation = match options.get("collation") {
@@ -134,16 +100,14 @@ impl Pattern {
             _ => None,
         };
         if collation.is_some() && pattern.values().any(|kind| matches!(kind.as_str(), Some("2d"))) {
-            return Err(cannot("an index of type 2d compares strings byte by byte".to_owned()));
+            return Err(cannot("an index of type 2d compares strings byte by byte"));
         }
-        Ok(Self {
-            keys: keys.with_text(Text::By(collation.clone())),
-            collation,
-            places,
-            wildcard: None,
-            text: None,
-            hashed,
-        })
+        Ok(Self { keys: keys.with_text(Text::By(collation.clone())), collation, places, hashed, ..Self::empty() })
+    }
+
+    /// A pattern that has nothing yet.
+    fn empty() -> Self {
+        Self { keys: Keys::default(), collation: None, places: None, wildcard: None, text: None, hashed: false }
     }
 
     /// Returns how its strings compare, where that is not byte by byte.
@@ -277,6 +241,36 @@ impl Pattern {
 /// Whether a key of an index is hashed.
 fn is_hashed(kind: &Bson) -> bool {
     kind.as_str() == Some("hashed")
+}
+
+/// Reads the keys of a pattern, each with its direction or type.
+fn keys(pattern: &Document) -> Result<Keys> {
+    let mut keys = Keys::default();
+    for (name, direction) in pattern {
+        check_name(name)?;
+        let descending = match (direction, Number::of(direction).map(Number::to_double)) {
+            (direction, _) if is_place(direction) => false,
+            (direction, _) if is_hashed(direction) => false,
+            (Bson::String(index_type), _) => {
+                let mut refusal = QueryError::unsupported(index_type);
+                refusal.message = format!("an index of type `{index_type}` is not supported by the embedded store");
+                return Err(refusal);
+            }
+            (_, Some(number)) if number > 0.0 => false,
+            (_, Some(number)) if number < 0.0 => true,
+            _ => {
+                return Err(cannot(format!(
+                    "the key `{name}` of an index takes 1, -1, \"2d\", \"2dsphere\", \"hashed\" or \"text\""
+                )));
+            }
+        };
+        keys.push(Path::parse(name)?, descending);
+    }
+    Ok(keys)
+}
+
+fn cannot(message: impl Into<String>) -> QueryError {
+    QueryError::invalid(CANNOT_CREATE, message)
 }
 
 fn check_name(name: &str) -> Result<()> {

@@ -50,7 +50,9 @@ impl Wildcard {
         let projection = match options.get(PROJECTION) {
             None => None,
             Some(_) if !prefix.is_empty() => {
-                return Err(QueryError::failed_to_parse("wildcardProjection is for the key `$**` only"));
+                return Err(
+                    QueryError::failed_to_parse("wildcardProjection is for the key `$**` only").about(PROJECTION)
+                );
             }
             Some(Bson::Document(projection)) if projection.is_empty() => {
                 return Err(QueryError::failed_to_parse("wildcardProjection cannot be empty"));

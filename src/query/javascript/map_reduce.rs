@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bson::{Bson, Document, RawDocument, doc};
 
 use super::{Program, source};
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{QueryError, QueryMistake, Result};
 use crate::query::key;
 use crate::query::limit::Memory;
 
@@ -120,7 +120,7 @@ impl MapReduce {
 
 /// Says which function an error is of.
 fn of(function: &'static str) -> impl Fn(QueryError) -> QueryError {
-    move |error| QueryError { operator: Some(function.to_owned()), ..error }
+    move |error| error.of_kind(QueryMistake::InFunction(function))
 }
 
 impl Emitted {

@@ -83,11 +83,15 @@ impl Accumulator {
         let (Some((name, argument)), 1) = (spec.iter().next(), spec.len()) else {
             return Err(QueryError::invalid(40_238, "a computed field must specify exactly one accumulator"));
         };
-        let takes_one = ["$count", "$top", "$topN", "$bottom", "$bottomN", "$accumulator"].contains(&name.as_str());
+        Self::named(name, argument, scope, takes_arrays).map_err(|error| error.about(name))
+    }
+
+    fn named(name: &str, argument: &Bson, scope: &Scope, takes_arrays: bool) -> Result<Self> {
+        let takes_one = ["$count", "$top", "$topN", "$bottom", "$bottomN", "$accumulator"].contains(&name);
         if takes_one && !takes_arrays && matches!(argument, Bson::Array(_)) {
             return Err(QueryError::invalid(40_237, format!("the {name} accumulator is a unary operator")));
         }
-        let operator = match name.as_str() {
+        let operator = match name {
             "$sum" => Operator::Sum,
             "$avg" => Operator::Average,
             "$stdDevPop" => Operator::Deviation { sample: false },
@@ -276,7 +280,9 @@ fn add_fields(document: &mut Document, value: Option<Bson>, memory: &mut Memory)
             document.extend(more);
             Ok(())
         }
-        Some(value) if !is_null(&value) => Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs")),
+        Some(value) if !is_null(&value) => {
+            Err(QueryError::invalid(40_400, "$mergeObjects requires object inputs").about("$mergeObjects"))
+        }
         _ => Ok(()),
     }
 }

@@ -112,7 +112,8 @@ impl Bucket {
             (Some(boundary), _) => Ok(boundary.clone()),
             (None, Some(default)) => Ok(default.clone()),
             (None, None) => {
-                Err(QueryError::invalid(40_066, "$bucket found a value outside of the boundaries, and has no default"))
+                Err(QueryError::invalid(40_066, "$bucket found a value outside of the boundaries, and has no default")
+                    .about("$bucket"))
             }
         }
     }

@@ -37,7 +37,8 @@ pub(super) fn is_description(name: &str) -> bool {
 /// Returns the refusal of such a stage that is not at the front of a pipeline over its collection.
 pub(super) fn misplaced(name: &str, index: usize) -> QueryError {
     if index > 0 {
-        return QueryError::invalid(NOT_FIRST, format!("{name} is only valid as the first stage in a pipeline"));
+        return QueryError::invalid(NOT_FIRST, format!("{name} is only valid as the first stage in a pipeline"))
+            .about(name);
     }
     let mut refusal = QueryError::unsupported(name);
     refusal.message =

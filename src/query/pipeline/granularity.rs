@@ -62,10 +62,16 @@ impl Granularity {
     /// Refuses values that no boundary can be put around.
     pub(super) fn check(value: &Bson) -> Result<()> {
         match Number::of(value) {
-            None => Err(QueryError::invalid(40_258, "$bucketAuto with 'granularity' takes numbers only")),
-            Some(number) if number.is_nan() => Err(QueryError::invalid(40_259, "$bucketAuto cannot round NaN")),
+            None => {
+                Err(QueryError::invalid(40_258, "$bucketAuto with 'granularity' takes numbers only")
+                    .about("$bucketAuto"))
+            }
+            Some(number) if number.is_nan() => {
+                Err(QueryError::invalid(40_259, "$bucketAuto cannot round NaN").about("$bucketAuto"))
+            }
             Some(number) if number.to_double() < 0.0 => {
-                Err(QueryError::invalid(40_260, "$bucketAuto with 'granularity' takes no negative numbers"))
+                Err(QueryError::invalid(40_260, "$bucketAuto with 'granularity' takes no negative numbers")
+                    .about("$bucketAuto"))
             }
             Some(_) => Ok(()),
         }

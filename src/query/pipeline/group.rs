@@ -6,7 +6,7 @@ use super::documents::Documents;
 use super::groups::Accumulators;
 use super::partition::{Entry, Grouping};
 use super::run::Run;
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{QueryError, QueryMistake, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::number::Number;
 use crate::query::spill::Runs;
@@ -22,7 +22,9 @@ pub(super) struct Group {
 
 impl Group {
     pub(super) fn parse(spec: &Document, scope: &Scope) -> Result<Self> {
-        let no_id = || QueryError::invalid(15_955, "a group specification must include an _id");
+        let no_id = || {
+            QueryError::invalid(15_955, "a group specification must include an _id").of_kind(QueryMistake::NoGroupId)
+        };
         let Some(id) = spec.get("_id") else {
             return Accumulators::parse(spec.iter(), scope).and_then(|_| Err(no_id()));
         };

@@ -84,8 +84,9 @@ impl Pipeline {
 
     fn parse_in(stages: &[Document], scope: &Scope, depth: usize) -> Result<Self> {
         let (stages, output) = parse::stages(stages, scope, depth)?;
-        if output.is_some() && depth > 0 {
-            return Err(QueryError::invalid(51_047, "$out and $merge are not allowed within another pipeline"));
+        if let Some(output) = output.as_ref().filter(|_| depth > 0) {
+            let message = "$out and $merge are not allowed within another pipeline";
+            return Err(QueryError::invalid(51_047, message).about(output.stage()));
         }
         Ok(Self { stages, output, variables: Variables::default(), is_scored: false })
     }

@@ -66,6 +66,14 @@ impl Output {
             _ => Ok(None),
         }
     }
+
+    /// The name of the stage.
+    pub(super) fn stage(&self) -> &'static str {
+        match self {
+            Self::Out(_) => "$out",
+            Self::Merge(_) => "$merge",
+        }
+    }
 }
 
 /// The codes of a place that is none: of its type, of its fields, and of the type of a field.

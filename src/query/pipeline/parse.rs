@@ -18,7 +18,7 @@ use super::unset::plain_names;
 use super::unwind::Unwind;
 use super::window::Window;
 use crate::query::decimal::Rounding;
-use crate::query::error::{QueryError, Result};
+use crate::query::error::{NameContext, QueryError, QueryMistake, Result};
 use crate::query::expression::{Expression, Scope};
 use crate::query::filter::{Filter, Parser};
 use crate::query::number::Number;
@@ -67,18 +67,21 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
             let message = "a pipeline stage specification object must contain exactly one field";
             return Err(QueryError::invalid(40_323, message));
         };
-        if let Some(found) = Output::parse(name, argument, scope)? {
+        if let Some(found) = Output::parse(name, argument, scope).map_err(|error| error.about(name))? {
             if index + 1 != documents.len() {
-                return Err(QueryError::invalid(40_601, format!("{name} can only be the final stage in the pipeline")));
+                return Err(QueryError::invalid(40_601, format!("{name} can only be the final stage in the pipeline"))
+                    .about(name));
             }
             output = Some(found);
             continue;
         }
         if name == "$geoNear" && !documents.iter().take(index).all(is_empty_match) {
-            return Err(QueryError::invalid(40_603, "$geoNear must be the first stage of a pipeline"));
+            return Err(QueryError::invalid(40_603, "$geoNear must be the first stage of a pipeline").about(name));
         }
         if name == "$documents" && index > 0 {
-            return Err(QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline"));
+            return Err(
+                QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline").about(name)
+            );
         }
         if is_description(name) {
             return Err(misplaced(name, index));
@@ -118,7 +121,9 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Position, stages: &m
                 return Err(QueryError::invalid(15_976, "$sort stage must have at least one sort key"));
             }
             if let Some(name) = pattern.keys().find(|name| name.starts_with('$')) {
-                return Err(QueryError::invalid(16_410, format!("$sort takes paths of fields, not `{name}`")));
+                return Err(
+                    QueryError::invalid(16_410, format!("$sort takes paths of fields, not `{name}`")).about(name)
+                );
             }
             Stage::Sort(Sort::parse(pattern)?)
         }
@@ -165,7 +170,10 @@ fn stage(name: &str, argument: &Bson, scope: &Scope, place: Position, stages: &m
         }
         "$documents" => Stage::Documents(Expression::parse_in(argument, scope)?),
         _ if REFUSED.contains(&name) => return Err(QueryError::unsupported(name)),
-        _ => return Err(QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"))),
+        _ => {
+            let error = QueryError::invalid(40_324, format!("unrecognized pipeline stage name: '{name}'"));
+            return Err(error.of_kind(QueryMistake::UnknownName(NameContext::Stage)));
+        }
     };
     stages.push(stage);
     Ok(())

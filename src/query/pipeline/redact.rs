@@ -64,7 +64,8 @@ impl Redact {
                 }
                 Ok(Some(kept))
             }
-            _ => Err(QueryError::invalid(17_053, "$redact's expression should return $$KEEP, $$PRUNE, or $$DESCEND")),
+            _ => Err(QueryError::invalid(17_053, "$redact's expression should return $$KEEP, $$PRUNE, or $$DESCEND")
+                .about("$redact")),
         }
     }
 

@@ -75,6 +75,8 @@ impl Script {
 fn arguments<E>(expression: &Expression, fields: Fields<'_>, run: &Run<'_, E>) -> Result<Vec<Option<Bson>>> {
     match expression.evaluate(&run.environment(fields))? {
         Some(Bson::Array(values)) => Ok(values.into_iter().map(Some).collect()),
-        _ => Err(QueryError::invalid(4_544_711, "the arguments of $accumulator must be an array")),
+        _ => {
+            Err(QueryError::invalid(4_544_711, "the arguments of $accumulator must be an array").about("$accumulator"))
+        }
     }
 }

@@ -166,13 +166,17 @@ fn documents<E: From<QueryError>>(
     let empty = Document::new();
     let value = expression.evaluate(&run.environment((&empty).into()))?;
     let Some(bson::Bson::Array(items)) = value else {
-        return Err(QueryError::invalid(5_858_203, "$documents must be an array of objects").into());
+        return Err(QueryError::invalid(5_858_203, "$documents must be an array of objects")
+            .about("$documents")
+            .into());
     };
     items
         .iter()
         .map(|item| match item {
             bson::Bson::Document(document) => Ok(encode(document)?),
-            _ => Err(QueryError::invalid(40_228, "an element of $documents is not an object").into()),
+            _ => {
+                Err(QueryError::invalid(40_228, "an element of $documents is not an object").about("$documents").into())
+            }
         })
         .collect()
 }

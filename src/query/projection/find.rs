@@ -34,10 +34,11 @@ impl FindOperator {
                 [skip, limit] => match (whole(skip), whole(limit)) {
                     (Some(skip), Some(limit)) if limit > 0 => Ok(Some(Self::Slice { skip: Some(skip), limit })),
                     (Some(_), Some(_)) => {
-                        Err(QueryError::invalid(28_724, "the second argument to $slice must be positive"))
+                        Err(QueryError::invalid(28_724, "the second argument to $slice must be positive")
+                            .about("$slice"))
                     }
                     (Some(_), None) if !matches!(limit, Bson::Null | Bson::Undefined) => {
-                        Err(QueryError::invalid(28_724, "the arguments to $slice must be numbers"))
+                        Err(QueryError::invalid(28_724, "the arguments to $slice must be numbers").about("$slice"))
                     }
                     _ => Ok(None),
                 },
@@ -45,7 +46,7 @@ impl FindOperator {
             },
             value => match whole(value) {
                 Some(limit) => Ok(Some(Self::Slice { skip: None, limit })),
-                None => Err(QueryError::invalid(28_667, "$slice takes a number, or an array of two")),
+                None => Err(QueryError::invalid(28_667, "$slice takes a number, or an array of two").about("$slice")),
             },
         }
     }
@@ -53,7 +54,9 @@ impl FindOperator {
     pub(super) fn element_match(value: &Bson) -> Result<Self> {
         let mut operator = Document::new();
         if !matches!(value, Bson::Document(_)) {
-            return Err(QueryError::invalid(31_274, "elemMatch: invalid argument, an object is required"));
+            return Err(
+                QueryError::invalid(31_274, "elemMatch: invalid argument, an object is required").about("$elemMatch")
+            );
         }
         operator.insert("$elemMatch", value.clone());
         Ok(Self::ElementMatch(Parser::default().operators(&operator)?))

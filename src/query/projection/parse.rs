@@ -5,11 +5,11 @@ use bson::{Bson, Document};
 use super::find::{FindOperator, Transform};
 use super::tree::{Branch, Mode, Policy, Treatment, check_path};
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope};
+use crate::query::expression::{Expression, Scope, UNKNOWN_EXPRESSION};
 use crate::query::number::Number;
 
-/// MongoDB's code for an expression that it does not know.
-const UNKNOWN_EXPRESSION: i32 = 168;
+/// MongoDB's code for such an expression that is the value of a field, and not within one.
+const UNKNOWN_VALUE: i32 = 31_325;
 /// How deep projections may be nested.
 const MAX_DEPTH: usize = 100;
 
@@ -90,8 +90,8 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
 /// An operator that is not known has another code where it is the value itself, and not within one.
 fn unknown(value: &Bson, mut error: QueryError) -> QueryError {
     let name = value.as_document().and_then(|value| value.keys().next());
-    if error.code == UNKNOWN_EXPRESSION && name.is_some_and(|name| error.message.contains(&format!("'{name}'"))) {
-        error.code = 31_325;
+    if error.code == UNKNOWN_EXPRESSION && error.names.first() == name {
+        error.code = UNKNOWN_VALUE;
     }
     error
 }
@@ -196,7 +196,8 @@ fn nested<'a>(
         },
         ("$elemMatch", Policy::Find) => {
             if path.contains('.') {
-                return Err(QueryError::invalid(31_275, "cannot use $elemMatch projection on a nested field"));
+                return Err(QueryError::invalid(31_275, "cannot use $elemMatch projection on a nested field")
+                    .about("$elemMatch"));
             }
             Entry::Transform(FindOperator::element_match(inner.get("$elemMatch").unwrap_or(&Bson::Null))?)
         }

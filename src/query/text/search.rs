@@ -55,23 +55,25 @@ impl Search {
             return Err(QueryError::bad_value("$text takes an object, like {$search: 'red cup'}"));
         };
         if let Some(name) = spec.keys().find(|name| !KNOWN.contains(&name.as_str())) {
-            return Err(QueryError::bad_value(format!("$text takes {}, not {name}", KNOWN.join(", "))));
+            return Err(QueryError::bad_value(format!("$text takes {}, not {name}", KNOWN.join(", "))).about(name));
         }
         let text = match spec.get("$search") {
             Some(Bson::String(text)) => text.clone(),
-            Some(_) => return Err(QueryError::type_mismatch("$search must be a string")),
+            Some(_) => return Err(QueryError::type_mismatch("$search must be a string").about("$search")),
             None => return Err(QueryError::invalid(MISSING, "$text needs $search, a string")),
         };
         let language = match spec.get("$language") {
             None => None,
             Some(Bson::String(name)) if name.is_empty() => None,
-            Some(Bson::String(name)) => Some(Language::parse(name, BAD_VALUE)?),
-            Some(_) => return Err(QueryError::type_mismatch("$language must be a string")),
+            Some(Bson::String(name)) => {
+                Some(Language::parse(name, BAD_VALUE).map_err(|error| error.about("$language"))?)
+            }
+            Some(_) => return Err(QueryError::type_mismatch("$language must be a string").about("$language")),
         };
         let flag = |name: &str| match spec.get(name) {
             None => Ok(false),
             Some(Bson::Boolean(flag)) => Ok(*flag),
-            Some(_) => Err(QueryError::type_mismatch(format!("{name} must be true or false"))),
+            Some(_) => Err(QueryError::type_mismatch(format!("{name} must be true or false")).about(name)),
         };
         let sensitivity = Sensitivity { case: flag("$caseSensitive")?, diacritics: flag("$diacriticSensitive")? };
         Ok(Self { text, language, sensitivity, question: OnceLock::new() })

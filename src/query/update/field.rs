@@ -16,7 +16,7 @@ use crate::query::number::Number;
 pub(super) fn change(modifier: &Modifier, value: Option<&Bson>, effects: &Effects) -> Result<Outcome> {
     changed(&modifier.action, value, effects).map_err(|error| {
         let message = format!("{}, in the field `{}`", error.message, modifier.text);
-        QueryError { message, ..error }
+        QueryError { message, ..error }.about(modifier.action.operator())
     })
 }
 

@@ -83,7 +83,7 @@ fn identifiers(document: &Document, names: &mut Vec<String>, depth: usize) -> Re
                 }
             }
             ("$expr" | "$where" | "$text" | "$jsonSchema", _) => {
-                return Err(QueryError::bad_value(format!("{name} is not allowed in an array filter")));
+                return Err(QueryError::bad_value(format!("{name} is not allowed in an array filter")).about(name));
             }
             (name, _) if name.starts_with('$') => {}
             (name, _) => names.push(name.split('.').next().unwrap_or_default().to_owned()),

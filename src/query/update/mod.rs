@@ -62,7 +62,8 @@ impl Update {
             return Err(QueryError::failed_to_parse("arrayFilters need update operators"));
         }
         if let Some(name) = update.keys().find(|name| name.starts_with('$') && !super::dollar::is_reference_key(name)) {
-            return Err(QueryError::invalid(52, format!("the field {name} in a replacement may not start with '$'")));
+            return Err(QueryError::invalid(52, format!("the field {name} in a replacement may not start with '$'"))
+                .about(name));
         }
         Ok(Self { form: Form::Replacement(update.clone()) })
     }

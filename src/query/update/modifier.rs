@@ -85,6 +85,27 @@ pub(super) enum Bitwise {
 }
 
 impl Action {
+    /// Returns the operator's name.
+    pub(super) fn operator(&self) -> &'static str {
+        match self {
+            Self::Set(_) => "$set",
+            Self::SetOnInsert(_) => "$setOnInsert",
+            Self::Unset => "$unset",
+            Self::Increment(_) => "$inc",
+            Self::Multiply(_) => "$mul",
+            Self::Least(_) => "$min",
+            Self::Greatest(_) => "$max",
+            Self::Rename(_) => "$rename",
+            Self::CurrentDate { .. } => "$currentDate",
+            Self::Bits(_) => "$bit",
+            Self::Push(_) => "$push",
+            Self::AddToSet(_) => "$addToSet",
+            Self::Pop { .. } => "$pop",
+            Self::Pull(_) => "$pull",
+            Self::PullAll(_) => "$pullAll",
+        }
+    }
+
     /// Returns whether a path through a scalar is ignored rather than an error.
     pub(super) fn ignores_dead_ends(&self) -> bool {
         matches!(self, Self::Unset)

@@ -5,7 +5,7 @@ use bson::{Bson, Document};
 use super::array::{self, Pull, Push};
 use super::filters::ArrayFilters;
 use super::modifier::{Action, Bitwise, Modifier, Segment, check_conflicts, order, path};
-use crate::query::error::{BAD_VALUE, QueryError, Result};
+use crate::query::error::{BAD_VALUE, NameContext, QueryError, QueryMistake, Result};
 use crate::query::number::Number;
 
 /// Reads the argument of an operator at a path.
@@ -39,7 +39,9 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
         let Some((_, read)) = OPERATORS.iter().find(|(known, _)| known == name) else {
             let message =
                 format!("unknown modifier: {name}; expected an update operator, a replacement, or a pipeline");
-            return Err(QueryError::failed_to_parse(message).about(name));
+            return Err(QueryError::failed_to_parse(message)
+                .about(name)
+                .of_kind(QueryMistake::UnknownName(NameContext::Update)));
         };
         let Bson::Document(fields) = argument else {
             return Err(
@@ -48,7 +50,7 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
         };
         for (text, value) in fields {
             if name == "$rename" {
-                check_renamed(text, value)?;
+                check_renamed(text, value).map_err(|error| error.about(name))?;
             }
             let path = path(text).map_err(|error| error.about(text))?;
             for segment in &path {
@@ -62,11 +64,11 @@ pub(super) fn modifiers(update: &Document, filters: &ArrayFilters) -> Result<Vec
                 Action::Rename(target) => {
                     if has_positions(&path) {
                         let message = format!("the source field for $rename may not be dynamic: {text}");
-                        return Err(QueryError::bad_value(message));
+                        return Err(QueryError::bad_value(message).about(name));
                     }
                     if target.starts_with(&path) || path.starts_with(&target) {
                         let message = "the source and target field for $rename must not be on the same path";
-                        return Err(QueryError::bad_value(format!("{message}: {text}")));
+                        return Err(QueryError::bad_value(format!("{message}: {text}")).about(name));
                     }
                     Modifier { path: target, text: text.clone(), action: Action::Rename(path) }
                 }

@@ -31,7 +31,9 @@ pub(super) fn source(document: &Document, path: &[Segment]) -> Result<Option<Bso
         }
     }
     match in_array {
-        true => Err(QueryError::bad_value("the source field of $rename cannot be an element of an array")),
+        true => {
+            Err(QueryError::bad_value("the source field of $rename cannot be an element of an array").about("$rename"))
+        }
         false => Ok(Some(value.clone())),
     }
 }
@@ -47,7 +49,7 @@ pub(super) fn check_target(document: &Document, path: &[Segment]) -> Result<()> 
             Some(Bson::Document(inner)) => current = inner,
             Some(Bson::Array(_)) => {
                 let message = "the destination field of $rename cannot be an element of an array";
-                return Err(QueryError::bad_value(message));
+                return Err(QueryError::bad_value(message).about("$rename"));
             }
             _ => return Ok(()),
         }

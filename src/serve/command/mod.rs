@@ -40,14 +40,14 @@ use super::host::{self, Host};
 use super::job::{Action, Job, Step};
 use super::past;
 use super::reading;
-use super::request::{Confirmation, Request};
+use super::request::Request;
 use super::server::Server;
 use super::session::{Finished, How, Once, started, superseded};
 use super::statements::{Repeatable, Statements};
 use super::wire::Form;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
-use crate::store::Namespace;
+use crate::store::{Acknowledgment, Namespace};
 use definition::{Command, Run, raw};
 
 /// All groups.
@@ -82,27 +82,25 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    let confirmation = request.confirmation;
-    // An abort writes nothing that could be confirmed.
-    let is_confirmed_by = |asked| confirmation == asked && request.name != "abortTransaction";
-    let mode = is_confirmed_by(Confirmation::Mode).then(|| request.mode());
-    let is_of_others = is_confirmed_by(Confirmation::Others);
+    // An abort writes nothing that could be acknowledged.
+    let acknowledgment = match request.name.as_str() {
+        "abortTransaction" => Acknowledgment::Usual,
+        _ => request.acknowledgment(),
+    };
     let ns = home(&request);
-    let unconfirmed = match request.name.as_str() {
+    let unacknowledged = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
         _ => None,
     };
     let mut reply = dispatch(host, client, request, form)?;
-    if let (Confirmation::None, Some(unconfirmed)) = (confirmation, unconfirmed) {
-        return Ok(unconfirmed);
-    }
-    let failure = match mode {
-        Some(mode) => Failure::no_mode(&mode),
-        None if is_of_others => {
+    let failure = match acknowledgment {
+        Acknowledgment::Unacknowledged => return Ok(unacknowledged.unwrap_or(reply)),
+        Acknowledgment::Usual => return Ok(reply),
+        Acknowledgment::Mode(mode) => Failure::no_mode(&mode),
+        Acknowledgment::Several | Acknowledgment::Tagged => {
             Failure::new(codes::UNSATISFIABLE_CONCERN, "Not enough data-bearing nodes: rmem is one member")
         }
-        None => return Ok(reply),
     };
     // A MongoDB server was asked itself.
     if host.memory()?.is_current(&ns)? {

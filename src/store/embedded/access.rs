@@ -17,7 +17,7 @@ use super::catalog::Collection;
 use super::failure;
 use super::indexed::{Indexed, Indexes};
 use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways};
-use crate::query::{Filter, QueryError, Sort};
+use crate::query::{Filter, QueryError, QueryMistake, Sort};
 use crate::store::{Hint, Index, StoreError};
 
 /// MongoDB's code for a query that the hinted index cannot answer.
@@ -149,7 +149,7 @@ impl Embedded {
             // What has no keys is answered by all documents.
             Some(index) if !index.pattern.serves(filter) => {
                 let message = "the hint names a wildcard index, and the query asks for none of its paths";
-                return Err(QueryError::invalid(NO_PLAN, message).into());
+                return Err(QueryError::invalid(NO_PLAN, message).of_kind(QueryMistake::Hint).into());
             }
             Some(index) if !index.is_kept() => return Ok(walk(None)),
             Some(index) => (index.definition.clone(), candidate(index), index.table()),
@@ -292,7 +292,7 @@ impl Embedded {
 /// The error for a hint that names no index.
 fn no_hinted() -> StoreError {
     let message = "the hint names no index that queries use: `rmem index NS` lists the indexes";
-    QueryError::bad_value(message).into()
+    QueryError::bad_value(message).of_kind(QueryMistake::Hint).into()
 }
 
 fn candidate(index: &Indexed) -> Candidate<'_> {

@@ -145,7 +145,9 @@ fn check_path(path: &str) -> Result<(), QueryError> {
             return Err(QueryError::invalid(15_998, format!("the path `{path}` has an empty field name")));
         }
         if name.starts_with('$') && !["$id", "$ref", "$db"].contains(&name) {
-            return Err(QueryError::invalid(16_410, format!("the field name `{name}` may not start with `$`")));
+            return Err(
+                QueryError::invalid(16_410, format!("the field name `{name}` may not start with `$`")).about(name)
+            );
         }
     }
     Ok(())

@@ -7,7 +7,7 @@ use rusqlite::Connection;
 use super::place::Place;
 use super::{Embedded, failure};
 use crate::interrupt::Unfinished;
-use crate::process::litter;
+use crate::process::stale_files;
 use crate::store::StoreError;
 
 impl Embedded {
@@ -29,8 +29,10 @@ impl Embedded {
             let reason = reason.split(" at path ").next().unwrap_or_default();
             failed(format!("cannot make a file in {}: {reason}", folder.display()))
         };
-        let staged =
-            tempfile::Builder::new().prefix(&litter::prefix(folder, ".rmem-")).tempfile_in(folder).map_err(unnamed)?;
+        let staged = tempfile::Builder::new()
+            .prefix(&stale_files::prefix(folder, ".rmem-"))
+            .tempfile_in(folder)
+            .map_err(unnamed)?;
         let Some(name) = staged.path().to_str() else { return Err(failed("its path is not UTF-8".to_owned())) };
         // What SQLite makes beside the copy goes with it.
         let files = ["", "-journal", "-wal", "-shm"].map(|end| format!("{name}{end}"));

@@ -24,8 +24,8 @@ use std::sync::atomic::AtomicBool;
 
 use rusqlite::{Connection, OpenFlags};
 
+use super::catalog_cache::CatalogCache;
 use super::indexed::Remembered;
-use super::known::Known;
 use super::log_size::LogSize;
 use super::place::Place;
 use super::spare::Spare;
@@ -194,7 +194,7 @@ impl Embedded {
             connection,
             place,
             indexes: Remembered::default(),
-            known: Known::default(),
+            catalog_cache: CatalogCache::default(),
             log: Log::default(),
             is_brief,
             is_reading: Cell::default(),

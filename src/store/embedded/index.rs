@@ -175,7 +175,7 @@ impl Embedded {
         }
         self.connection
             .execute("UPDATE indexes SET multikey = ? WHERE id = ?", params![(known | bits).cast_signed(), index.id])
-            .and_then(|_| self.known.advance(&self.connection, collection))
+            .and_then(|_| self.catalog_cache.advance(&self.connection, collection))
             .map_err(|e| self.explain(&e))?;
         index.multikey.store(known | bits, Ordering::Relaxed);
         Ok(())
@@ -264,7 +264,7 @@ impl Embedded {
             self.connection.execute_batch(&sql).map_err(|e| self.explain(&e))?;
         }
         self.fill(ns, collection, &made)?;
-        self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
+        self.catalog_cache.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
         let indexes = Arc::new(self.load_indexes(collection)?);
         self.indexes.set(collection, &indexes);
@@ -298,7 +298,7 @@ impl Embedded {
             let indexes = self.indexes_of(collection)?;
             let Some(index) = indexes.iter().find(|index| index.definition.name == name) else { return Ok(false) };
             self.forget_index(index)?;
-            self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
+            self.catalog_cache.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
             Ok(true)
         })
     }
@@ -318,7 +318,7 @@ impl Embedded {
             let definition = RawDocumentBuf::try_from(&definition.definition()).map_err(QueryError::from)?;
             self.connection
                 .execute("UPDATE indexes SET definition = ? WHERE id = ?", params![definition.as_bytes(), index.id])
-                .and_then(|_| self.known.advance(&self.connection, collection))
+                .and_then(|_| self.catalog_cache.advance(&self.connection, collection))
                 .map_err(|e| self.explain(&e))?;
             Ok(true)
         })
@@ -443,7 +443,7 @@ fn check_plain(filter: &Document) -> Result<(), QueryError> {
     for (name, value) in filter {
         if name.starts_with('$') && !PLAIN.contains(&name.as_str()) || name == "$exists" && is_false(value) {
             let message = format!("the partialFilterExpression of an index cannot have {name}: {value}");
-            return Err(QueryError::invalid(CANNOT_CREATE, message));
+            return Err(QueryError::invalid(CANNOT_CREATE, message).about(name));
         }
         let inner: Vec<&Document> = match value {
             // What is in these is a place.

@@ -8,16 +8,17 @@
 mod access;
 mod ahead;
 mod answer;
-mod apart;
 mod backup;
 mod batch;
 mod body;
 mod busy;
 mod catalog;
+mod catalog_cache;
 mod change;
 mod change_log;
 mod check;
 mod damage;
+mod disk_space;
 mod expiry;
 mod failure;
 mod feed;
@@ -25,7 +26,6 @@ mod file;
 mod history;
 mod index;
 mod indexed;
-mod known;
 mod log;
 mod log_size;
 mod near;
@@ -37,7 +37,6 @@ mod pipeline;
 mod place;
 mod repair;
 mod retention;
-mod room;
 mod scan;
 mod search;
 mod slices;
@@ -46,6 +45,7 @@ mod spare;
 mod staged;
 mod statistics;
 mod transaction;
+mod unconstrained;
 mod verbs;
 mod watcher;
 
@@ -56,8 +56,8 @@ use std::time::Instant;
 
 use rusqlite::Connection;
 
+use catalog_cache::CatalogCache;
 use indexed::Remembered;
-use known::Known;
 use log_size::LogSize;
 use place::Place;
 use spare::Spare;
@@ -81,7 +81,7 @@ pub struct Embedded {
     /// Which file it is; none where no other connection may open it.
     identity: Option<FileIdentity>,
     indexes: Remembered,
-    known: Known,
+    catalog_cache: CatalogCache,
     log: Log,
     /// Whether a write waits only briefly for other writers.
     is_brief: Arc<AtomicBool>,

@@ -85,7 +85,7 @@ impl Embedded {
         };
         let Some(collection) = self.collection(ns)? else {
             let message = format!("$geoNear needs an index, but there is no collection {ns}");
-            return Err(QueryError::invalid(NAMESPACE_NOT_FOUND, message).into());
+            return Err(QueryError::invalid(NAMESPACE_NOT_FOUND, message).about("$geoNear").into());
         };
         if !spec.contains_key("key") {
             spec.insert("key", only_place(&self.indexes_of(collection)?)?);
@@ -116,10 +116,10 @@ fn only_place(indexes: &[Indexed]) -> Result<String, QueryError> {
             _ => {
                 let message =
                     format!("there is more than one {kind} index: say with `key` which path $geoNear is about");
-                return Err(QueryError::invalid(INDEX_NOT_FOUND, message));
+                return Err(QueryError::invalid(INDEX_NOT_FOUND, message).about("$geoNear"));
             }
         }
     }
     let message = "$geoNear needs a 2d or 2dsphere index: make one, like `rmem index NS \"{pos: '2dsphere'}\"`";
-    Err(QueryError::invalid(INDEX_NOT_FOUND, message))
+    Err(QueryError::invalid(INDEX_NOT_FOUND, message).about("$geoNear"))
 }

@@ -135,7 +135,9 @@ impl Embedded {
                 WhenNotMatched::Discard => Ok(false),
                 WhenNotMatched::Fail => {
                     let values = TakenKey::on(values);
-                    Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with {values} in {ns}")).into())
+                    Err(QueryError::invalid(NO_MATCH, format!("$merge found no document with {values} in {ns}"))
+                        .about("$merge")
+                        .into())
                 }
             };
         };
@@ -164,7 +166,7 @@ impl Embedded {
         document::vet(&changed)?;
         if key::encode_value(&id_of(&changed)?) != key::encode_value(&id_of(&found.body)?) {
             let message = format!("$merge would change the _id of the document with {values} in {ns}");
-            return Err(QueryError::invalid(IMMUTABLE_FIELD, message).into());
+            return Err(QueryError::invalid(IMMUTABLE_FIELD, message).about("$merge").into());
         }
         let kind = if update.is_replacement() { ChangeKind::Replace } else { ChangeKind::Update };
         self.rewrite(ns, collection, &found, &changed, kind).map(|()| true)
@@ -249,11 +251,11 @@ fn on_values(merge: &Merge, result: &Document) -> Result<Document, QueryError> {
             None if field == "_id" => {}
             None | Some(Bson::Null | Bson::Undefined) => {
                 let message = format!("the field '{field}' that $merge is on cannot be missing or null");
-                return Err(QueryError::invalid(MISSING_ON, message));
+                return Err(QueryError::invalid(MISSING_ON, message).about("$merge"));
             }
             Some(Bson::Array(_)) => {
                 let message = format!("the field '{field}' that $merge is on cannot be an array");
-                return Err(QueryError::invalid(ARRAY_ON, message));
+                return Err(QueryError::invalid(ARRAY_ON, message).about("$merge"));
             }
             Some(value) => drop(values.insert(field, value)),
         }

@@ -261,7 +261,7 @@ impl Embedded {
                     .map_err(|e| self.explain(&e))?;
             }
         }
-        self.known.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
+        self.catalog_cache.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
         self.indexes.clear();
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
         for index in self.indexes_of(collection)?.iter() {

@@ -11,7 +11,7 @@ use super::catalog::Collection;
 use super::indexed::{Indexed, Indexes, PARTIAL};
 use super::scan::Scan;
 use crate::query::text::{self, TextIndex};
-use crate::query::{Filter, QueryError, Sort};
+use crate::query::{Filter, QueryError, QueryMistake, Sort};
 use crate::store::{Documents, Hint, Namespace, StoreError};
 
 /// MongoDB's code for a query that no index answers which needs one.
@@ -28,7 +28,9 @@ impl Embedded {
     ) -> Result<Chosen, StoreError> {
         let index = text_index(indexes)?;
         if hint.is_some() {
-            return Err(QueryError::bad_value("$text takes no hint: there is one text index").into());
+            return Err(QueryError::bad_value("$text takes no hint: there is one text index")
+                .of_kind(QueryMistake::Hint)
+                .into());
         }
         check_fixed(index.1, filter)?;
         check_alternatives(indexes, filter)?;
@@ -99,7 +101,7 @@ pub(super) fn text_index(indexes: &Indexes) -> Result<(&Indexed, &Arc<TextIndex>
     let found = indexes.iter().find_map(|index| index.pattern.text().map(|text| (index, text)));
     match found {
         Some((index, _)) if index.is_hidden() => {
-            Err(QueryError::invalid(NO_PLAN, "the text index is hidden, and $text needs it"))
+            Err(QueryError::invalid(NO_PLAN, "the text index is hidden, and $text needs it").about("$text"))
         }
         Some(found) => Ok(found),
         None => Err(text::no_index()),
@@ -112,7 +114,7 @@ fn check_fixed(index: &TextIndex, filter: &Filter) -> Result<(), QueryError> {
         None => Ok(()),
         Some(path) => {
             let message = format!("the text index has the key {path} in front; give it a value beside $text");
-            Err(QueryError::invalid(NO_PLAN, message))
+            Err(QueryError::invalid(NO_PLAN, message).about("$text"))
         }
     }
 }
@@ -128,5 +130,5 @@ fn check_alternatives(indexes: &Indexes, filter: &Filter) -> Result<(), QueryErr
         return Ok(());
     }
     let message = "$text within $or needs an index for each other alternative; make one, or ask in two queries";
-    Err(QueryError::invalid(NO_PLAN, message))
+    Err(QueryError::invalid(NO_PLAN, message).about("$text"))
 }

@@ -2,31 +2,31 @@
 
 use rusqlite::{Connection, Result};
 
-use super::known::Known;
+use super::catalog_cache::CatalogCache;
 
 /// While it exists, writes of other processes are not seen.
 pub(super) struct Snapshot<'a> {
     /// None where a transaction was open already.
     connection: Option<&'a Connection>,
-    known: Option<&'a Known>,
+    catalog: Option<&'a CatalogCache>,
 }
 
 impl<'a> Snapshot<'a> {
     /// Begins a read transaction, unless a transaction is open.
     pub(super) fn begin(connection: &'a Connection) -> Result<Self> {
         if !connection.is_autocommit() {
-            return Ok(Self { connection: None, known: None });
+            return Ok(Self { connection: None, catalog: None });
         }
         connection.prepare_cached("BEGIN")?.execute([])?;
-        Ok(Self { connection: Some(connection), known: None })
+        Ok(Self { connection: Some(connection), catalog: None })
     }
 
     /// The same, in which collections are looked up that earlier ones may know.
-    pub(super) fn knowing(connection: &'a Connection, known: &'a Known) -> Result<Self> {
+    pub(super) fn knowing(connection: &'a Connection, catalog: &'a CatalogCache) -> Result<Self> {
         let mut snapshot = Self::begin(connection)?;
         if snapshot.connection.is_some() {
-            known.open(connection)?;
-            snapshot.known = Some(known);
+            catalog.open(connection)?;
+            snapshot.catalog = Some(catalog);
         }
         Ok(snapshot)
     }
@@ -34,8 +34,8 @@ impl<'a> Snapshot<'a> {
 
 impl Drop for Snapshot<'_> {
     fn drop(&mut self) {
-        if let Some(known) = self.known {
-            known.close();
+        if let Some(catalog) = self.catalog {
+            catalog.close();
         }
         if let Some(connection) = self.connection {
             // A failed end of a read transaction loses nothing.

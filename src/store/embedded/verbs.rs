@@ -9,7 +9,7 @@ use bson::{DateTime, Document, RawDocumentBuf};
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::snapshot::Snapshot;
-use super::{Embedded, busy, failure, file, known};
+use super::{Embedded, busy, catalog_cache, failure, file};
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
@@ -209,7 +209,7 @@ impl Store for Embedded {
     }
 
     fn state(&self) -> Option<(i64, u64)> {
-        self.known.state()
+        self.catalog_cache.state()
     }
 
     fn reading_until(
@@ -235,7 +235,7 @@ impl Store for Embedded {
     }
 
     fn takes_any(&self, ns: &Namespace) -> Result<bool, StoreError> {
-        self.is_lenient(ns)
+        self.is_unconstrained(ns)
     }
 
     fn is_atomic(&self) -> bool {
@@ -266,12 +266,12 @@ pub(super) fn collated(mut documents: Documents<'_>, collation: Option<Collation
 impl Embedded {
     /// A moment at which several things are read.
     fn moment(&self) -> Result<Snapshot<'_>, StoreError> {
-        Snapshot::knowing(&self.connection, &self.known).map_err(|e| self.explain(&e))
+        Snapshot::knowing(&self.connection, &self.catalog_cache).map_err(|e| self.explain(&e))
     }
 
     /// A number that changes with what others write.
     fn version(&self) -> rusqlite::Result<i64> {
-        known::version(&self.connection)
+        catalog_cache::version(&self.connection)
     }
 
     fn find_at(&self, moment: Snapshot<'_>, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -284,7 +284,7 @@ impl Embedded {
         if self.is_reading.get() {
             return Err(QueryError::invalid(WRITE_CONFLICT, "what is read at one moment cannot be written to").into());
         }
-        self.known.count_write();
+        self.catalog_cache.count_write();
         if !self.connection.is_autocommit() {
             return self.step(work);
         }
@@ -299,7 +299,7 @@ impl Embedded {
         let result = work();
         if result.is_err() {
             self.indexes.clear();
-            self.known.forget();
+            self.catalog_cache.forget();
             // A transaction that SQLite gave up as a whole has no savepoints any more.
             let _ = self.run("ROLLBACK TO step");
         }
@@ -313,7 +313,7 @@ impl Embedded {
         if !self.connection.is_autocommit() {
             return Ok(None);
         }
-        self.known.count_write();
+        self.catalog_cache.count_write();
         file::be_durable(&self.connection, false).map_err(|e| self.explain(&e))?;
         self.is_brief.store(true, Ordering::Relaxed);
         let begun = self.run("BEGIN IMMEDIATE");
@@ -330,13 +330,14 @@ impl Embedded {
     fn finish<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         let log = self.place.log();
         log.iter().for_each(|log| self.log_size.extend(log));
-        let open = || self.known.open(&self.connection).map_err(|e| self.explain(&e)).and_then(|()| self.open_log());
+        let open =
+            || self.catalog_cache.open(&self.connection).map_err(|e| self.explain(&e)).and_then(|()| self.open_log());
         let result = open().and_then(|()| work()).and_then(|value| {
             self.bound_log()?;
             self.keep_room()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
-        self.known.close();
+        self.catalog_cache.close();
         if result.is_ok() {
             log.iter().for_each(|log| self.log_size.measure(log));
             self.publish_log();
@@ -346,7 +347,7 @@ impl Embedded {
         }
         if let Err(error) = &result {
             self.indexes.clear();
-            self.known.forget();
+            self.catalog_cache.forget();
             self.log.keeping.forget();
             if let StoreError::DiskFull { .. } = error {
                 // The log is folded into the file and cut, so that there is room to delete something.
@@ -374,14 +375,14 @@ impl Embedded {
             None => self.note(to, Noted::drop(None))?,
         }
         self.note_rename(collection, from, to)?;
-        self.known.forget();
+        self.catalog_cache.forget();
         collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
     }
 
     /// Removes a collection with its indexes. In a write transaction only.
     pub(super) fn erase_collection(&self, collection: Collection) -> Result<(), StoreError> {
         self.forget_indexes(collection)?;
-        self.known.forget();
+        self.catalog_cache.forget();
         collection.drop(&self.connection).map_err(|e| self.explain(&e))
     }
 
@@ -391,11 +392,11 @@ impl Embedded {
 
     /// The collection of a name, created where there is none. In a write transaction only.
     pub(super) fn ensure(&self, ns: &Namespace) -> Result<Collection, StoreError> {
-        self.known.ensure(&self.connection, ns).map_err(|e| self.explain(&e))
+        self.catalog_cache.ensure(&self.connection, ns).map_err(|e| self.explain(&e))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Result<Option<Collection>, StoreError> {
-        self.known.find(&self.connection, ns).map_err(|e| self.explain(&e))
+        self.catalog_cache.find(&self.connection, ns).map_err(|e| self.explain(&e))
     }
 
     pub(super) fn explain(&self, error: &rusqlite::Error) -> StoreError {

@@ -9,7 +9,7 @@ use mongodb::options::{
 };
 use mongodb::sync::{Client, Collection};
 
-use super::confirmation::Confirmation;
+use super::write_policy::WritePolicy;
 use super::{MongoDb, failure};
 use crate::store::credentials;
 use crate::store::uri::Role;
@@ -30,25 +30,25 @@ impl MongoDb {
     /// Where the driver does not accept the URI, or (`mongodb+srv`) the name does not resolve.
     pub fn open(uri: &str, address: String, role: Role) -> Result<Self, StoreError> {
         let options = completed(parse(uri, &address)?, role);
-        let confirmation = Confirmation::new(options.write_concern.clone().unwrap_or_default(), role == Role::Shared);
+        let policy = WritePolicy::new(options.write_concern.clone().unwrap_or_default(), role == Role::Shared);
         let client = Client::with_options(options).map_err(|e| failure::explain(&address, &e))?;
-        Ok(Self::new(client, address, confirmation))
+        Ok(Self::new(client, address, policy))
     }
 
-    fn new(client: Client, address: String, confirmation: Confirmation) -> Self {
+    fn new(client: Client, address: String, write_policy: WritePolicy) -> Self {
         let (decaying, keeping, version) = Default::default();
-        Self { client, decaying, keeping, version, confirmation, address }
+        Self { client, decaying, keeping, version, write_policy, address }
     }
 
     /// The same, whose writes the primary alone confirms: for what belongs to a write for whose confirmation was waited
     /// already.
     pub(super) fn without_majority(&self) -> Self {
         let own = WriteConcern::builder().w(Acknowledgment::Nodes(1)).journal(true).build();
-        Self::new(self.client.clone(), self.address.clone(), Confirmation::new(own, false))
+        Self::new(self.client.clone(), self.address.clone(), WritePolicy::new(own, false))
     }
 
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
-        let options = CollectionOptions::builder().write_concern(self.confirmation.of_one()).build();
+        let options = CollectionOptions::builder().write_concern(self.write_policy.of_one()).build();
         self.client.database(&ns.database).collection_with_options(&ns.collection, options)
     }
 

@@ -12,7 +12,7 @@ pub(super) fn add_field(update: &mut Document, operator: &str, key: &str, at: Da
             fields.insert(path(key), at);
             Ok(())
         }
-        _ => Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields"))),
+        _ => Err(QueryError::failed_to_parse(format!("{operator} takes a document of fields")).about(operator)),
     }
 }
 

@@ -3,6 +3,7 @@
 use bson::Bson;
 use mongodb::error::{Error, ErrorKind, WriteFailure};
 
+use super::server_message;
 use crate::deadline;
 use crate::query::QueryError;
 use crate::store::{Namespace, StoreError, TakenKey};
@@ -170,7 +171,7 @@ fn coded(address: &str, code: i32, message: &str) -> StoreError {
     if STATE.contains(&code) && !is_own_limit {
         return failed(address, format!("{message} (code {code})"));
     }
-    QueryError::invalid(code, message).into()
+    server_message::refusal(code, message).into()
 }
 
 /// A write that the primary did, and which is lost where it fails before others have it.

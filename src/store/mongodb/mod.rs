@@ -7,7 +7,6 @@
 pub mod admin;
 
 mod client;
-mod confirmation;
 mod dates;
 mod explain;
 mod failure;
@@ -17,12 +16,14 @@ mod index;
 mod keeping;
 mod position;
 mod raw;
+mod server_message;
 mod single_step;
 mod update;
 mod verbs;
 mod visible;
 mod waiting;
 mod watch;
+mod write_policy;
 
 pub use raw::Raw;
 
@@ -42,8 +43,8 @@ pub struct MongoDb {
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.
     version: OnceLock<i32>,
-    /// Who confirms writes.
-    confirmation: confirmation::Confirmation,
+    /// Which members have to confirm writes.
+    write_policy: write_policy::WritePolicy,
     /// The URI without credentials and options.
     address: String,
 }

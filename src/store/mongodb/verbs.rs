@@ -17,7 +17,7 @@ use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
     Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
-    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Values,
+    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Values, WriteConcern,
 };
 
 /// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
@@ -228,7 +228,7 @@ impl Store for MongoDb {
     fn confirmed(
         &self,
         ns: &Namespace,
-        concern: Option<&Document>,
+        concern: Option<&WriteConcern>,
         work: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Document>, StoreError> {
         self.wait_for_all(ns, concern, work)

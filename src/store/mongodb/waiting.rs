@@ -7,9 +7,9 @@
 
 use bson::{Document, doc};
 
-use super::confirmation::Member;
+use super::write_policy::Member;
 use super::{MongoDb, failure};
-use crate::store::{Namespace, StoreError};
+use crate::store::{Namespace, StoreError, WriteConcern};
 
 /// The collection that the update of nothing is made in; it does not have to be there.
 const NOTHING: &str = "rmem.retries";
@@ -23,16 +23,16 @@ impl MongoDb {
     pub(super) fn wait_for_all(
         &self,
         ns: &Namespace,
-        asked: Option<&Document>,
+        asked: Option<&WriteConcern>,
         work: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Document>, StoreError> {
-        let needed = self.confirmation.needed(asked)?;
-        let member = match self.confirmation.known() {
+        let needed = self.write_policy.needed(asked)?;
+        let member = match self.write_policy.known() {
             Some(member) => member,
             None => self.ask_for_member()?,
         };
         member.check(asked)?;
-        let postponed = self.confirmation.postpone();
+        let postponed = self.write_policy.postpone();
         let has_written = work();
         drop(postponed);
         let mut needed = needed.into_iter().filter(|_| has_written);
@@ -46,7 +46,7 @@ impl MongoDb {
         // A router says `msg`.
         let is_replicated = hello.contains_key("setName") || hello.contains_key("msg");
         let member = Member { is_replicated, election: hello.get_object_id("electionId").ok() };
-        self.confirmation.learn(member);
+        self.write_policy.learn(member);
         Ok(member)
     }
 
@@ -65,7 +65,7 @@ impl MongoDb {
             }
         };
         let after = before.election.and_then(|_| answer.get_object_id("electionId").ok());
-        self.confirmation.learn(Member { election: after, ..before });
+        self.write_policy.learn(Member { election: after, ..before });
         match answer.get_document("writeConcernError") {
             Ok(error) => Some(error.clone()),
             Err(_) if before.election == after => None,

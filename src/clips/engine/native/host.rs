@@ -40,7 +40,7 @@ pub(crate) trait Host {
     /// Called when CLIPS has no reference to this external address any more.
     fn discard(&self, handle: u64);
     /// Called when a text that is being loaded has a mistake, or a warning, at a line.
-    fn parsed(&self, line: usize, doubtful: bool, text: &str);
+    fn parsed(&self, line: usize, is_warning: bool, text: &str);
 }
 
 /// What C's side of an environment knows of Rust's.

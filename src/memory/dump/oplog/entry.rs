@@ -106,50 +106,60 @@ impl<'a> Operations<'a> {
         found: &mut Vec<Change>,
     ) -> Result<(), String> {
         let (command, argument) = object.iter().next().ok_or("has an empty command")?;
-        let transaction = || key::encode_value(&Bson::Array(vec![session(entry, "lsid"), session(entry, "txnNumber")]));
         match command.as_str() {
-            "applyOps" => {
-                let operations = argument.as_array().ok_or("has no operations in `applyOps`")?;
-                let mut inner = Vec::new();
-                for operation in operations {
-                    self.read(operation.as_document().ok_or("has no document in `applyOps`")?, &mut inner)?;
-                }
-                let is_open = |key| object.get_bool(key).unwrap_or(false);
-                if entry.contains_key("txnNumber") {
-                    let changes = self.open.entry(transaction()).or_default();
-                    changes.append(&mut inner);
-                    if !is_open("partialTxn") && !is_open("prepare") {
-                        found.extend(self.open.remove(&transaction()).unwrap_or_default());
-                    }
-                } else {
-                    found.append(&mut inner);
-                }
-                return Ok(());
-            }
-            "commitTransaction" => {
-                found.extend(self.open.remove(&transaction()).unwrap_or_default());
-                return Ok(());
-            }
+            "applyOps" => self.operations(argument, object, entry, found)?,
+            "commitTransaction" => found.extend(self.open.remove(&transaction(entry)).unwrap_or_default()),
             "abortTransaction" => {
-                self.open.remove(&transaction());
-                return Ok(());
+                self.open.remove(&transaction(entry));
             }
-            "startIndexBuild" | "abortIndexBuild" => return Ok(()),
-            _ => {}
+            "startIndexBuild" | "abortIndexBuild" => {}
+            command => {
+                let database = name.split('.').next().unwrap_or_default();
+                let target = match (command, argument.as_str()) {
+                    ("dropDatabase", _) => format!("{database}.all"),
+                    ("renameCollection", Some(from)) => from.to_owned(),
+                    (_, Some(collection)) => format!("{database}.{collection}"),
+                    (command, None) => return Err(format!("has no name of a collection in `{command}`")),
+                };
+                if let Some(ns) = self.collection(&target) {
+                    let operation = self.operation(command, object, &ns)?;
+                    found.extend(operation.map(|operation| (ns, operation)));
+                }
+            }
         }
-        let database = name.split('.').next().unwrap_or_default();
-        let text = |value: &Bson| value.as_str().map(str::to_owned);
-        let target = match (command.as_str(), text(argument)) {
-            ("dropDatabase", _) => format!("{database}.all"),
-            ("renameCollection", Some(from)) => from,
-            (_, Some(collection)) => format!("{database}.{collection}"),
-            (command, None) => return Err(format!("has no name of a collection in `{command}`")),
-        };
-        let Some(ns) = self.collection(&target) else { return Ok(()) };
-        let operation = match command.as_str() {
+        Ok(())
+    }
+
+    /// Reads the operations of `applyOps`. Those of a transaction that is still open wait for its end.
+    fn operations(
+        &mut self,
+        operations: &Bson,
+        object: &Document,
+        entry: &Document,
+        found: &mut Vec<Change>,
+    ) -> Result<(), String> {
+        let mut inner = Vec::new();
+        for operation in operations.as_array().ok_or("has no operations in `applyOps`")? {
+            self.read(operation.as_document().ok_or("has no document in `applyOps`")?, &mut inner)?;
+        }
+        if !entry.contains_key("txnNumber") {
+            found.append(&mut inner);
+            return Ok(());
+        }
+        self.open.entry(transaction(entry)).or_default().append(&mut inner);
+        let is_set = |key| object.get_bool(key).unwrap_or(false);
+        if !is_set("partialTxn") && !is_set("prepare") {
+            found.extend(self.open.remove(&transaction(entry)).unwrap_or_default());
+        }
+        Ok(())
+    }
+
+    /// What a command does to a collection; none where it is left out.
+    fn operation(&mut self, command: &str, object: &Document, ns: &Namespace) -> Result<Option<Operation>, String> {
+        Ok(Some(match command {
             "create" if object.contains_key("viewOn") => {
                 self.left_out.push(format!("{ns}: a view is not made"));
-                return Ok(());
+                return Ok(None);
             }
             "create" => Operation::Create(match object.get_document("collation") {
                 Ok(spec) => Some(Collation::parse(spec).map_err(|error| error.message)?),
@@ -159,8 +169,7 @@ impl<'a> Operations<'a> {
             "dropDatabase" => Operation::DropDatabase,
             "renameCollection" => {
                 let to = object.get_str("to").map_err(|_| "has no `to`".to_owned())?;
-                let Some(to) = self.collection(to) else { return Ok(()) };
-                Operation::Rename(to)
+                return Ok(self.collection(to).map(Operation::Rename));
             }
             "createIndexes" => {
                 let options = ["createIndexes", "indexBuildUUID"];
@@ -174,11 +183,9 @@ impl<'a> Operations<'a> {
             "dropIndexes" | "deleteIndexes" => Operation::DropIndex(object.get_str("index").unwrap_or("*").to_owned()),
             command => {
                 self.left_out.push(format!("{ns}: `{command}` is not applied"));
-                return Ok(());
+                return Ok(None);
             }
-        };
-        found.push((ns, operation));
-        Ok(())
+        }))
     }
 
     /// The collection of an operation; none where it is the server's own.
@@ -189,6 +196,11 @@ impl<'a> Operations<'a> {
         }
         ns
     }
+}
+
+/// The key of the transaction that an entry belongs to.
+fn transaction(entry: &Document) -> Vec<u8> {
+    key::encode_value(&Bson::Array(vec![session(entry, "lsid"), session(entry, "txnNumber")]))
 }
 
 fn session(entry: &Document, key: &str) -> Bson {

@@ -89,7 +89,7 @@ type Known = (usize, Bson);
 fn check_numbers(before: &Known, after: Option<&Known>) -> Result<()> {
     match after {
         Some(after) if value(Some(&before.1)).is_none() || value(Some(&after.1)).is_none() => {
-            Err(QueryError::type_mismatch("the input of $linearFill must be numbers"))
+            Err(QueryError::type_mismatch("the input of $linearFill must be numbers").about("$linearFill"))
         }
         _ => Ok(()),
     }
@@ -123,13 +123,16 @@ fn check_places(partition: &Partition<'_>) -> Result<()> {
     for index in 0..partition.len() {
         let Some(member) = partition.get(index)? else { break };
         if before.as_ref() == Some(&member.place) {
-            return Err(QueryError::invalid(6_050_106, "the sortBy of $linearFill may not give equal values"));
+            return Err(QueryError::invalid(6_050_106, "the sortBy of $linearFill may not give equal values")
+                .about("$linearFill"));
         }
         are_numbers &= place(&member).is_some();
         before = Some(member.place.clone());
     }
     match are_numbers {
         true => Ok(()),
-        false => Err(QueryError::type_mismatch("the sortBy of $linearFill must give numbers or dates")),
+        false => {
+            Err(QueryError::type_mismatch("the sortBy of $linearFill must give numbers or dates").about("$linearFill"))
+        }
     }
 }

@@ -117,7 +117,7 @@ impl Slope {
 fn slope((x1, y1): &(Number, Value), (x2, y2): &(Number, Value), count: usize, unit: Option<Unit>) -> Result<Bson> {
     let (Some(y1), Some(y2)) = (number(y1.as_ref()), number(y2.as_ref())) else {
         let code = if is_null(y1.as_ref()) || is_null(y2.as_ref()) { 5_624_903 } else { 14 };
-        return Err(QueryError::invalid(code, "the input of $derivative must be numbers"));
+        return Err(QueryError::invalid(code, "the input of $derivative must be numbers").about("$derivative"));
     };
     let width = subtract(*x2, *x1, Overflow::Double)?;
     if count < 2 || width.is_zero() {
@@ -140,7 +140,9 @@ struct Area {
 
 impl Area {
     fn add(&mut self, x: Number, y: Option<&Bson>) -> Result<()> {
-        let y = number(y).ok_or_else(|| QueryError::invalid(5_423_900, "the input of $integral must be numbers"))?;
+        let y = number(y).ok_or_else(|| {
+            QueryError::invalid(5_423_900, "the input of $integral must be numbers").about("$integral")
+        })?;
         if let Some((before, height)) = self.last {
             let (width, heights) = (subtract(x, before, Overflow::Double)?, add(height, y, Overflow::Double)?);
             // By a double, as in mongod: as a divisor it gives decimals their exponent.

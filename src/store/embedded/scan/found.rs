@@ -4,6 +4,9 @@ use std::collections::VecDeque;
 
 use bson::RawDocumentBuf;
 
+/// The most documents in a page.
+pub(super) const PAGE_DOCUMENTS: usize = 512;
+
 /// A stored document and where it is.
 pub(in crate::store::embedded) struct Found {
     pub(in crate::store::embedded) position: i64,

@@ -8,7 +8,7 @@ const SMALL: u64 = 64 << 20;
 
 /// Whether a program ended for want of memory: it ended badly, and either says so or
 /// was seen close to the limit.
-pub(super) fn is_starved(end: &End, printed: [&str; 2], peak: u64, limit: u64) -> bool {
+pub(super) fn ran_out_of_memory(end: &End, printed: [&str; 2], peak: u64, limit: u64) -> bool {
     const COMPLAINTS: [&str; 15] = [
         "out of memory",
         "memory exhausted",

@@ -15,7 +15,7 @@ const WATCHED: &str = "SELECT 1 FROM watchers WHERE database IN ('', ?1) AND col
 impl Embedded {
     /// Whether no index would refuse or remove documents that may be stored, strings compare byte by byte, and no watcher gets
     /// computed documents.
-    pub(super) fn is_lenient(&self, ns: &Namespace) -> Result<bool, StoreError> {
+    pub(super) fn is_unconstrained(&self, ns: &Namespace) -> Result<bool, StoreError> {
         if let Some(collection) = self.collection(ns)? {
             let indexes = self.indexes_of(collection)?;
             let decay = decay(&indexes).map(|index| index.id);

@@ -16,7 +16,7 @@ const MOST: usize = 1_000;
 
 /// Collections by name, also those that do not exist.
 #[derive(Debug, Default)]
-pub(super) struct Known {
+pub(super) struct CatalogCache {
     /// The version of the file that they are of.
     version: Cell<Option<i64>>,
     /// Whether a transaction is open in which the version was read.
@@ -26,8 +26,8 @@ pub(super) struct Known {
     collections: RefCell<HashMap<Namespace, Option<Collection>>>,
 }
 
-impl Known {
-    /// Forgets what is out of date. In a transaction that has begun, until [`Known::close`].
+impl CatalogCache {
+    /// Forgets what is out of date. In a transaction that has begun, until [`CatalogCache::close`].
     pub(super) fn open(&self, connection: &Connection) -> Result<()> {
         let version = Some(version(connection)?);
         if self.version.replace(version) != version {
