@@ -206,6 +206,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
         store::embedded::tell_waits(process.tell_at_once);
     }
     output.on_terminal(process.stderr_is_terminal);
+    output.stdout_on_terminal(process.stdout_is_terminal);
     output.closed_by(process.stdout_is_closed);
     let mut context = Context::new(
         settings,

@@ -76,15 +76,11 @@ fn refuse_unknown(only: &[Namespace], sides: &[&Side]) -> Result<()> {
 }
 
 fn side(text: &str, context: &mut Context<'_>) -> Result<Side> {
-    let is_uri = ["file:", "mem:", "mongodb:", "mongodb+srv:"].iter().any(|scheme| text.starts_with(scheme));
+    let is_store = ["file:", "mem:", "mongodb:", "mongodb+srv:"].iter().any(|scheme| text.starts_with(scheme));
+    // A scheme that no store has is named without what stands behind it: that may be a password.
+    let is_uri = is_store || text.contains("://") && !Path::new(text).exists();
     Ok(match text {
-        uri if is_uri => {
-            if let Some(path) = uri.strip_prefix("file:").filter(|path| !path.is_empty() && !Path::new(path).exists()) {
-                // Opening it would create an empty memory.
-                return Err(WrongInput::new(format!("there is no memory at {path}")).into());
-            }
-            Side::Memory(memory_at(uri)?)
-        }
+        uri if is_uri => Side::Memory(memory_at(uri)?.expecting_files()),
         "-" => Side::Dump(stdin(context)?),
         path => Side::Dump(Dump::open(Path::new(path))?),
     })

@@ -156,6 +156,8 @@ fn listeners(args: &ServeArgs, tls: Option<&Tls>, has_users: bool, context: &Con
         check_reach(address, tls.is_some(), has_users)?;
     }
     let mut listeners = activated;
+    // Where the service manager listens already, its socket is the one that is meant.
+    addresses.retain(|address| listeners.iter().all(|listener| listener.address() != address));
     for address in &addresses {
         listeners.push(Listener::bind(address, tls)?);
     }

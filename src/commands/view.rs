@@ -49,7 +49,7 @@ pub(super) fn run(args: &ViewArgs, context: &mut Context<'_>) -> Result<Exit> {
     // A signal sets a flag, so that the terminal is put right before the end.
     let signals = Signals::new()?;
     end_with_terminal();
-    let screen = Screen::enter(context.output.stdout())?;
+    let screen = Screen::enter(context.output.screen())?;
     browse(&mut browser, screen, &signals)
 }
 

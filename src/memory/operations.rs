@@ -185,6 +185,13 @@ impl Memory {
         Ok(self.journal.counted(found))
     }
 
+    /// The same documents without metadata, unless the projection names some.
+    pub fn stored_without_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
+        let documents = self.stored(ns, &hidden_metadata::in_find(find))?;
+        let has_hidden = !find.projection.keys().any(|key| is_metadata(key));
+        Ok(if has_hidden { without_metadata(documents) } else { documents })
+    }
+
     /// Counts the matches of [`Memory::stored`].
     pub fn count_stored(&self, ns: &Namespace, filter: &Document) -> Result<u64, StoreError> {
         let filter = stored(self.clock.now(), filter);

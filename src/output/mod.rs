@@ -61,7 +61,7 @@ impl<'a> Output<'a> {
     /// Returns output on these streams: normal verbosity, no colour, no log.
     pub fn new(stdout: &'a mut dyn Write, stderr: &'a mut dyn Write) -> Self {
         Self {
-            stdout: BufWriter::new(Stdout(stdout)),
+            stdout: BufWriter::new(Stdout::new(stdout)),
             stderr,
             verbosity: Verbosity::Normal,
             color: false,
@@ -96,6 +96,18 @@ impl<'a> Output<'a> {
     /// Says whether stderr is a terminal: progress is shown there.
     pub fn on_terminal(&mut self, is_terminal: bool) {
         self.is_terminal = is_terminal;
+    }
+
+    /// Says whether stdout is a terminal: control characters are shown there as escapes, since what is printed comes from
+    /// documents that anyone may have stored.
+    pub fn stdout_on_terminal(&mut self, is_terminal: bool) {
+        self.stdout.get_mut().is_visible = is_terminal;
+    }
+
+    /// Returns the stream of stdout for a program that draws on the terminal itself.
+    pub fn screen(&mut self) -> &mut dyn Write {
+        self.stdout.get_mut().is_visible = false;
+        &mut self.stdout
     }
 
     /// Takes a function that says whether the reader of stdout has closed it.
@@ -337,15 +349,42 @@ impl AtFault for WriteError {
 }
 
 /// Standard output; its errors name it.
-struct Stdout<'a>(&'a mut dyn Write);
+struct Stdout<'a> {
+    stream: &'a mut dyn Write,
+    /// Whether control characters are shown as escapes.
+    is_visible: bool,
+    /// The first bytes of a character whose others have not come yet.
+    rest: Vec<u8>,
+}
+
+impl<'a> Stdout<'a> {
+    fn new(stream: &'a mut dyn Write) -> Self {
+        Self { stream, is_visible: false, rest: Vec::new() }
+    }
+
+    /// Writes text with its control characters as escapes, but for a character that is cut at the end.
+    fn write_visibly(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.rest.extend_from_slice(bytes);
+        let text = std::mem::take(&mut self.rest);
+        let cut = text.utf8_chunks().last().map_or(&[] as &[u8], |last| last.invalid());
+        let is_cut = std::str::from_utf8(cut).is_err_and(|error| error.error_len().is_none());
+        let whole = text.len() - if is_cut { cut.len() } else { 0 };
+        self.rest.extend_from_slice(text.get(whole..).unwrap_or_default());
+        let shown = String::from_utf8_lossy(text.get(..whole).unwrap_or_default());
+        self.stream.write_all(visible::lines(&shown).as_bytes())
+    }
+}
 
 impl Write for Stdout<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes).map_err(named)
+        if self.is_visible {
+            return self.write_visibly(bytes).map(|()| bytes.len()).map_err(named);
+        }
+        self.stream.write(bytes).map_err(named)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush().map_err(named)
+        self.stream.flush().map_err(named)
     }
 }
 
@@ -366,6 +405,33 @@ pub fn is_broken_pipe(error: &Error) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_terminal_is_shown_control_characters_as_escapes_and_a_pipe_gets_them() {
+        let text = "é\u{1b}[31m\u{202e}\u{9b}…\tx\n";
+        for is_terminal in [true, false] {
+            let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+            let mut output = Output::new(&mut stdout, &mut stderr);
+            output.stdout_on_terminal(is_terminal);
+            // Characters come in parts, too.
+            for byte in text.bytes() {
+                output.stdout().write_all(&[byte]).unwrap();
+                output.flush().unwrap();
+            }
+            output.line(text).unwrap();
+            drop(output);
+            let shown = if is_terminal { "é\\u{1b}[31m\\u{202e}\\u{9b}…\tx\n" } else { text };
+            assert_eq!(String::from_utf8(stdout).unwrap(), format!("{shown}{shown}\n"));
+        }
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut output = Output::new(&mut stdout, &mut stderr);
+        output.stdout_on_terminal(true);
+        output.stdout().write_all(b"a\xFF\x1b").unwrap();
+        output.flush().unwrap();
+        output.screen().write_all(b"\x1b[2J").unwrap();
+        drop(output);
+        assert_eq!(stdout, "a\u{FFFD}\\u{1b}\u{1b}[2J".as_bytes());
+    }
 
     #[test]
     fn quiet_silences_all_but_errors() {

@@ -1,5 +1,6 @@
 //! Dotted paths, and the values they reach: through documents, and through arrays of documents.
 
+use super::dollar::is_reference_key;
 use super::error::{QueryError, Result};
 use super::view::{Fields, Items, View};
 
@@ -155,7 +156,7 @@ pub(super) fn check_plain(path: &str) -> Result<()> {
         "" => 40_352,
         path if path.ends_with('.') => 40_353,
         path if path.split('.').any(str::is_empty) => 15_998,
-        path if path.split('.').any(|part| part.starts_with('$')) => 16_410,
+        path if path.split('.').any(|part| part.starts_with('$') && !is_reference_key(part)) => 16_410,
         _ => return Ok(()),
     };
     Err(QueryError::invalid(code, format!("the field path '{path}' has a part that is empty or starts with '$'")))

@@ -50,6 +50,15 @@ impl<'m> Access<'m> {
         }
     }
 
+    /// Answers a query with documents that can be changed: none that were computed.
+    pub(super) fn stored(self, ns: &Namespace, find: &Find) -> Result<Documents<'m>, StoreError> {
+        match (self.store(ns)?, self.metadata) {
+            (Some(store), _) => store.find(ns, find),
+            (None, Metadata::Shown) => self.memory.stored(ns, find),
+            (None, _) => self.memory.stored_without_metadata(ns, find),
+        }
+    }
+
     pub(super) fn aggregate(self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'m>, StoreError> {
         match (self.store(ns)?, self.metadata) {
             (Some(store), _) => store.aggregate(ns, pipeline),

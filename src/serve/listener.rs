@@ -46,6 +46,14 @@ pub enum ListenError {
         /// Why not, and what to do.
         reason: String,
     },
+    /// systemd passed something else than a socket for clients.
+    #[error(
+        "systemd passed a descriptor (number {descriptor}) that is no TCP or Unix socket to listen on; see ListenStream in rmem.socket"
+    )]
+    Passed {
+        /// Its number in this process.
+        descriptor: usize,
+    },
 }
 
 impl AtFault for ListenError {

@@ -9,6 +9,9 @@ use listenfd::ListenFd;
 use super::listener::{ListenError, Listener};
 use super::tls::Tls;
 
+/// The number of the first descriptor that systemd passes.
+const FIRST: usize = 3;
+
 /// The listeners that systemd has opened for this process.
 ///
 /// # Errors
@@ -21,6 +24,8 @@ pub fn listeners(tls: Option<&Tls>) -> Result<Vec<Listener>, ListenError> {
             listeners.push(Listener::of_tcp(listener, tls)?);
         } else if let Ok(Some(listener)) = sockets.take_unix_listener(index) {
             listeners.push(Listener::of_unix(listener)?.kept());
+        } else {
+            return Err(ListenError::Passed { descriptor: FIRST + index });
         }
     }
     Ok(listeners)

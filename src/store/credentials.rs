@@ -24,23 +24,30 @@ pub fn masked(text: &str) -> String {
         Some(Range { start, end }) => format!("{}…{}", &text[..start], &text[end..]),
     };
     match shown.split_once('?') {
-        Some((front, _)) if shown.contains("mongodb") => format!("{front}?…"),
+        Some((front, _)) if names_server(&shown) => format!("{front}?…"),
         _ => shown,
     }
 }
 
+/// Whether a text has the scheme of a server, in letters of any case.
+fn names_server(text: &str) -> bool {
+    text.to_ascii_lowercase().contains("mongodb")
+}
+
 /// A text without `@`, in which what stands where a port would, and is none, may be a password.
 fn without_secret_port(text: &str) -> String {
-    let Some((scheme, rest)) = text.split_once("//").filter(|_| text.contains("mongodb")) else {
-        return text.to_owned();
-    };
-    let hosts = hosts(rest);
-    match hosts.split_once(':') {
-        Some((host, _)) if !has_ports(hosts) => {
-            format!("{scheme}//{host}:…{}", rest.get(hosts.len()..).unwrap_or_default())
-        }
-        _ => text.to_owned(),
+    match secret_port(text) {
+        None => text.to_owned(),
+        Some(Range { start, end }) => format!("{}…{}", &text[..start], &text[end..]),
     }
+}
+
+/// Which part of the URI of a server without `@` stands where a port would, and is none.
+fn secret_port(text: &str) -> Option<Range<usize>> {
+    let start = text.find("//").filter(|_| names_server(text))? + 2;
+    let hosts = hosts(&text[start..]);
+    let colon = hosts.find(':').filter(|_| !has_ports(hosts))?;
+    Some(start + colon + 1..start + hosts.len())
 }
 
 /// What lies between credentials and path or options.
@@ -64,14 +71,14 @@ pub(super) fn has_ports(hosts: &str) -> bool {
 #[must_use]
 pub fn masked_excerpt(text: &str) -> String {
     let is_end = |c: char| c.is_whitespace() || "\"'".contains(c);
-    text.split_inclusive(is_end).map(masked_word).collect()
-}
-
-fn masked_word(word: &str) -> String {
-    match secret(word).filter(|range| range.start > 0) {
-        None => word.to_owned(),
-        Some(Range { start, end }) => format!("{}{}{}", &word[..start], "*".repeat(end - start), &word[end..]),
+    let mut shown = String::with_capacity(text.len());
+    for part in text.split_inclusive(is_end) {
+        let word = part.strip_suffix(is_end).unwrap_or(part);
+        let secret = secret(word).filter(|range| range.start > 0).or_else(|| secret_port(word));
+        let Range { start, end } = secret.unwrap_or_default();
+        shown.extend([&word[..start], &"*".repeat(end - start), &part[end..]]);
     }
+    shown
 }
 
 /// Returns a URI without its credentials.
@@ -96,6 +103,8 @@ mod tests {
             ("robot:s3cret//x@host", "robot:…@host"),
             ("s3cret@host", "…@host"),
             ("file:robot.rmem", "file:robot.rmem"),
+            ("MongoDB://robot:s3cret@host/?w=1", "MongoDB://…@host/?…"),
+            ("mongodb://robot:s3cret", "mongodb://robot:…"),
         ] {
             assert_eq!(masked(text), shown);
         }
@@ -107,6 +116,8 @@ mod tests {
             ("memory = \"mongodb://u:s3cret@h\"  x", "memory = \"mongodb://********@h\"  x"),
             ("['mongodb://u:a,b@h', 'x@y']", "['mongodb://*****@h', 'x@y']"),
             ("http://a/b // c@d e", "http://a/b // c@d e"),
+            ("memory = 'mongodb://u:s3cret' # x", "memory = 'mongodb://u:******' # x"),
+            ("memory = 'mongodb://h:27017/?w=1'", "memory = 'mongodb://h:27017/?w=1'"),
         ] {
             assert_eq!(masked_excerpt(text), shown);
         }

@@ -16,6 +16,11 @@ pub const COLLATION: &str = "collation";
 /// MongoDB's code for an option that cannot be.
 const INVALID_OPTIONS: i32 = 67;
 
+/// The option of an index on a sphere that says how its keys are written …
+const SPHERE_VERSION: &str = "2dsphereIndexVersion";
+/// … which is so where nothing is said.
+const CURRENT_SPHERE: i32 = 3;
+
 /// An index of a collection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Index {
@@ -107,6 +112,11 @@ impl Index {
             definition.insert("expireAfterSeconds", i32::try_from(seconds).map_or(Bson::Int64(seconds), Bson::Int32));
         }
         definition.extend(self.other.clone());
+        if self.keys.values().any(|kind| kind.as_str() == Some("2dsphere")) && !definition.contains_key(SPHERE_VERSION)
+        {
+            // Without it, mongorestore makes an index of version 1.
+            definition.insert(SPHERE_VERSION, CURRENT_SPHERE);
+        }
         definition
     }
 
@@ -114,7 +124,16 @@ impl Index {
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         same_keys(&self.keys, &other.keys)
-            && (self.unique, self.sparse, &self.other) == (other.unique, other.sparse, &other.other)
+            && (self.unique, self.sparse, self.options()) == (other.unique, other.sparse, other.options())
+    }
+
+    /// The other options, without what an index on a sphere has where nothing is said.
+    fn options(&self) -> Document {
+        let mut options = self.other.clone();
+        if options.get(SPHERE_VERSION) == Some(&Bson::Int32(CURRENT_SPHERE)) {
+            options.remove(SPHERE_VERSION);
+        }
+        options
     }
 
     /// How its strings compare, where that is not byte by byte. That of the index on `_id` is the collation of the

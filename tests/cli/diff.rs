@@ -17,6 +17,17 @@ fn a_memory_in_the_place_of_a_file_is_named_as_one() {
 }
 
 #[test]
+fn what_is_no_memory_is_named_without_a_password() {
+    let lab = Lab::empty();
+    for wrong in ["MongoDB://user:s3cret@h/", "postgres://user:s3cret@h/db"] {
+        let refused = lab.rmem(&["diff", "mem:", wrong]).exits(2);
+        assert!(refused.stderr.contains("no store has the scheme") && !refused.stderr.contains("s3cret"), "{refused}");
+    }
+    lab.rmem(&["diff", "mem:", "file:missing.rmem"]).exits(4);
+    assert!(!lab.path().join("missing.rmem").exists());
+}
+
+#[test]
 fn differences_are_a_line_a_document() {
     let lab = dumped(&["--gzip"]);
     lab.rmem(&["dump", "--all", "-o", "world.json"]).success();

@@ -94,6 +94,7 @@ const CASES: &[(&str, Case)] = cases![
     a_decayed_document_takes_no_key,
     an_expression_sees_the_stored_documents_whatever_their_metadata_is,
     the_runs_that_lost_their_oldest_changes_are_known,
+    the_keys_of_a_reference_are_fields_of_paths,
 ];
 
 /// A store to be examined, and the folder that is removed after it.
@@ -1187,9 +1188,33 @@ fn a_pipeline_may_begin_with_what_is_near(store: &dyn Store, ns: &Namespace) {
     assert!(store.aggregate(ns, (&[doc! { "$limit": 1 }, doc! { "$geoNear": near }]).into()).is_err());
 }
 
+fn the_keys_of_a_reference_are_fields_of_paths(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "at": { "$ref": "places", "$id": 5 } }, doc! { "_id": 5 }]);
+    let one = doc! { "$match": { "_id": 1 } };
+    for (stage, wanted) in [
+        (doc! { "$project": { "place": "$at.$id", "in": "$at.$ref" } }, doc! { "_id": 1, "place": 5, "in": "places" }),
+        (doc! { "$project": { "at.$id": 1 } }, doc! { "_id": 1, "at": { "$id": 5 } }),
+        (doc! { "$unset": "at.$ref" }, doc! { "_id": 1, "at": { "$id": 5 } }),
+        (doc! { "$group": { "_id": "$at.$id" } }, doc! { "_id": 5 }),
+    ] {
+        assert_eq!(aggregated(store, ns, &[one.clone(), stage.clone()]), [wanted], "{stage}");
+    }
+    let place = doc! { "from": &ns.collection, "localField": "at.$id", "foreignField": "_id", "as": "place" };
+    let joined = aggregated(store, ns, &[one.clone(), doc! { "$lookup": place }]);
+    assert_eq!(joined[0].get_array("place").unwrap(), &[doc! { "_id": 5 }.into()]);
+    let find = Find { filter: doc! { "_id": 1 }, projection: doc! { "at.$id": 1 }, ..Find::default() };
+    assert_eq!(found(store, ns, &find), [doc! { "_id": 1, "at": { "$id": 5 } }]);
+    let other = doc! { "$project": { "x": "$at.$other" } };
+    assert!(store.aggregate(ns, [one, other].as_slice().into()).is_err());
+}
+
 fn an_index_of_places_refuses_what_is_none(store: &dyn Store, ns: &Namespace) {
     insert(store, ns, [doc! { "_id": 1, "at": [1, 1] }, doc! { "_id": 2 }]);
     assert!(store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).unwrap());
+    // Tools that restore a dump take one without a version for an old one.
+    let definition = store.indexes(ns).unwrap().pop().unwrap().definition();
+    assert_eq!(definition.get("2dsphereIndexVersion"), Some(&Bson::Int32(3)));
+    assert!(!store.create_index(ns, &Index::on(doc! { "at": "2dsphere" })).unwrap());
     let refused = |at: Bson| store.insert(ns, vec![doc! { "_id": 9, "at": at }]).is_err();
     assert!(refused("here".into()));
     assert!(refused(bson::bson!({ "type": "Point", "coordinates": [181, 0] })));

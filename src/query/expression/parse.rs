@@ -10,6 +10,7 @@ use super::register;
 use super::scope::Scope;
 use super::tree::{Expression, Source, constant};
 use super::value::Value;
+use crate::query::dollar::is_reference_key;
 use crate::query::error::{QueryError, Result};
 use crate::query::text::{SCORE, meta};
 
@@ -323,7 +324,8 @@ pub(super) fn parts(path: &str) -> Result<Vec<String>> {
         if part.is_empty() {
             return Err(QueryError::invalid(15_998, format!("the field path '{path}' has an empty part")));
         }
-        if part.starts_with('$') {
+        // The keys of a DBRef are names of fields.
+        if part.starts_with('$') && !is_reference_key(part) {
             return Err(QueryError::invalid(
                 16_410,
                 format!("the field path '{path}' has a part that starts with '$'"),

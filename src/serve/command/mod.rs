@@ -73,6 +73,9 @@ const GROUPS: [&[Command]; 19] = [
     statistics::COMMANDS,
 ];
 
+/// What MongoDB 6.0 answers as OP_QUERY, too: with these, drivers of before 2020 begin.
+const QUERIED: [&str; 5] = ["hello", "isMaster", "buildInfo", "saslStart", "saslContinue"];
+
 /// Writes that may be repeated.
 const RETRYABLE: [&str; 4] = ["insert", "update", "delete", "findAndModify"];
 
@@ -111,7 +114,7 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
 
 fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Form) -> Answer {
     let Some(command) = find(&request.name) else { return Err(unknown(&request)) };
-    if form == Form::Query && !matches!(command.name, "hello" | "isMaster") {
+    if form == Form::Query && !QUERIED.contains(&command.name) {
         let message = format!("Unsupported OP_QUERY command: {}; use OP_MSG", request.name);
         return Err(Failure::new(codes::NO_QUERY, message));
     }

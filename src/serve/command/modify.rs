@@ -93,7 +93,7 @@ impl Modification {
             current: true,
             ..Find::default()
         };
-        Ok(call.access(memory).find(ns, &find)?.next().transpose()?)
+        Ok(call.access(memory).stored(ns, &find)?.next().transpose()?)
     }
 
     /// The `_id` of that document.
@@ -107,14 +107,14 @@ impl Modification {
             current: true,
             ..Find::default()
         };
-        let Some(found) = call.access(memory).find(ns, &find)?.next().transpose()? else { return Ok(None) };
+        let Some(found) = call.access(memory).stored(ns, &find)?.next().transpose()? else { return Ok(None) };
         Ok(found.get("_id")?.map(Bson::try_from).transpose()?)
     }
 
     fn by_id(&self, memory: &Memory, call: &Call, ns: &Namespace, id: &Bson) -> Result<Bson, Failure> {
         let find =
             Find { filter: same(id), limit: 1, projection: self.fields.clone(), current: true, ..Find::default() };
-        value(call.access(memory).find(ns, &find)?.next().transpose()?)
+        value(call.access(memory).stored(ns, &find)?.next().transpose()?)
     }
 
     fn remove(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Answer {

@@ -34,7 +34,8 @@ fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
         "version": super::handshake::VERSION,
         "process": "rmem",
         "pid": i64::from(std::process::id()),
-        "uptime": server.since.elapsed().as_secs_f64(),
+        // Tools read a whole number in either type.
+        "uptime": to_i64(server.since.elapsed().as_secs()),
         "uptimeMillis": to_i64(server.since.elapsed().as_millis()),
         "localTime": DateTime::now(),
         "connections": {
@@ -78,6 +79,8 @@ fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
         "featureCompatibilityVersion": { "version": "6.0" },
         "transactionLifetimeLimitSeconds": i64::try_from(TRANSACTION_LIMIT.as_secs()).unwrap_or(60),
         "authenticationMechanisms": [crate::serve::auth::MECHANISM],
+        // That of SCRAM: mongorestore asks before it restores users.
+        "authSchemaVersion": 5,
     };
     let asks_all = match request.target() {
         Some(Bson::String(all)) => all == "*",

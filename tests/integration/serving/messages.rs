@@ -16,6 +16,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("an_explanation_of_a_pipeline_that_writes_writes_nothing", explained),
     ("an_unconfirmed_write_is_done_and_not_counted", unconfirmed),
     ("what_a_command_says_beside_its_query_is_checked", checked),
+    ("old_drivers_begin_and_tools_read_the_status", old),
 ];
 
 /// How many messages are damaged.
@@ -67,6 +68,26 @@ fn explained() -> Result<(), Failed> {
         assert!(reply.contains_key("stages") && !reply.contains_key("cursor"), "{reply}");
         assert_eq!(count(&mut wire, "d")?, 0);
     }
+    Ok(())
+}
+
+fn old() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    for (command, code) in [
+        (doc! { "isMaster": 1 }, None),
+        (doc! { "buildinfo": 1 }, None),
+        (doc! { "saslStart": 1, "mechanism": "PLAIN", "payload": "" }, Some(18)),
+        (doc! { "listDatabases": 1 }, Some(352)),
+    ] {
+        let answer = wire.query(&command)?;
+        assert_eq!(answer.get_i32("code").ok(), code, "{command}: {answer}");
+    }
+    let status = wire.run(&doc! { "serverStatus": 1, "$db": "admin" })?;
+    assert!(matches!(status.get("uptime"), Some(Bson::Int64(_))), "{status}");
+    let parameter = wire.run(&doc! { "getParameter": 1, "authSchemaVersion": 1, "$db": "admin" })?;
+    assert_eq!(parameter.get_i32("authSchemaVersion")?, 5);
     Ok(())
 }
 

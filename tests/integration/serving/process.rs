@@ -144,9 +144,11 @@ fn in_memory() -> Result<(), Failed> {
 /// Opens a socket, as systemd does for a unit, and runs a program with it.
 const ACTIVATE: &str = "
 import os, socket, sys
-listener = socket.socket(socket.AF_UNIX)
+kind = socket.SOCK_DGRAM if sys.argv[1].endswith('.datagrams') else socket.SOCK_STREAM
+listener = socket.socket(socket.AF_UNIX, kind)
 listener.bind(sys.argv[1])
-listener.listen()
+if kind == socket.SOCK_STREAM:
+    listener.listen()
 os.dup2(listener.fileno(), 3)
 os.set_inheritable(3, True)
 os.environ['LISTEN_FDS'] = '1'
@@ -163,7 +165,9 @@ fn systemd() -> Result<(), Failed> {
         .args(["-c", ACTIVATE])
         .arg(&socket)
         .arg(env!("CARGO_BIN_EXE_rmem"))
-        .args(["--memory", "file:robot.rmem", "serve"])
+        // The unit of the service names the socket, too.
+        .args(["--memory", "file:robot.rmem", "serve", "--socket"])
+        .arg(&socket)
         .current_dir(folder.path())
         .env("NOTIFY_SOCKET", &notify)
         .spawn()?;
@@ -178,5 +182,17 @@ fn systemd() -> Result<(), Failed> {
     assert_eq!(counted?, 0);
     // The socket is the service manager's.
     assert!(socket.exists());
+    let refused = Command::new("python3")
+        .args(["-c", ACTIVATE])
+        .arg(folder.path().join("rmem.datagrams"))
+        .arg(env!("CARGO_BIN_EXE_rmem"))
+        .args(["--memory", "file:robot.rmem", "serve"])
+        .current_dir(folder.path())
+        .output()?;
+    assert_eq!(refused.status.code(), Some(4));
+    assert!(
+        String::from_utf8_lossy(&refused.stderr).contains("(number 3) that is no TCP or Unix socket"),
+        "{refused:?}"
+    );
     Ok(())
 }

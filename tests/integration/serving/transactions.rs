@@ -336,6 +336,18 @@ fn computed() -> Result<(), Failed> {
     let answer = session.run(1, false, doc! { "find": "c", "filter": { "double": 8 } })?;
     assert_eq!(answer.get_document("cursor")?.get_array("firstBatch")?.len(), 1, "{answer}");
     fine(session.end(1, "commitTransaction")?);
+    // What is computed is found, and not changed.
+    let modify = doc! { "findAndModify": "c", "query": { "double": 8 } };
+    let with = |fields: Document| modify.clone().into_iter().chain(fields).collect::<Document>();
+    for command in [
+        doc! { "update": { "$set": { "a": 1 } } },
+        doc! { "update": { "$set": { "a": 1 } }, "new": true },
+        doc! { "remove": true },
+    ] {
+        let answer = plain(&mut session.wire, with(command))?;
+        let last = answer.get_document("lastErrorObject")?;
+        assert_eq!((last.get_i32("n")?, answer.get("value")), (0, Some(&Bson::Null)), "{answer}");
+    }
     Ok(())
 }
 

@@ -29,12 +29,30 @@ impl Wire {
     }
 
     pub(super) fn receive(&mut self) -> Result<Document, Failed> {
+        self.receive_behind(5)
+    }
+
+    /// Sends a command to the database `admin` as OP_QUERY, as drivers of before 2020 begin, and gives its answer.
+    pub(super) fn query(&mut self, command: &Document) -> Result<Document, Failed> {
+        let body = RawDocumentBuf::try_from(command)?.into_bytes();
+        let mut query = vec![0; 4];
+        query.extend_from_slice(b"admin.$cmd\0");
+        query.extend([0, 1].iter().flat_map(|number: &u32| number.to_le_bytes()));
+        query.extend(body);
+        let length = u32::try_from(16 + query.len())?;
+        let header = [length, 1, 0, 2004].into_iter().flat_map(|number| number.to_le_bytes());
+        self.send(&header.chain(query).collect::<Vec<u8>>())?;
+        self.receive_behind(20)
+    }
+
+    /// A document behind so many bytes of the message's body.
+    fn receive_behind(&mut self, start: usize) -> Result<Document, Failed> {
         let mut header = [0; 16];
         self.0.read_exact(&mut header)?;
         let length = u32::from_le_bytes([header[0], header[1], header[2], header[3]]) as usize;
         let mut body = vec![0; length - 16];
         self.0.read_exact(&mut body)?;
-        Ok(Document::try_from(&*RawDocumentBuf::from_bytes(body[5..].to_vec())?)?)
+        Ok(Document::try_from(&*RawDocumentBuf::from_bytes(body[start..].to_vec())?)?)
     }
 
     /// Waits until the server closes the connection, or says something.
