@@ -38,3 +38,19 @@ impl Accepted {
         self.sets.bytes() + size_of_val(self.states.as_slice())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn on_two_ways_to_a_state_only_what_is_on_both_is_accepted() {
+        let mut accepted = Accepted { sets: Rows::new(1), states: Vec::new() };
+        [[0b0111], [0b0111], [0b1000]].iter().for_each(|set| accepted.push(set));
+        assert_eq!(accepted.sets.len(), 2);
+        let mut set = [0b1110];
+        accepted.meet(1, &mut set);
+        assert_eq!(set, [0b0110]);
+        assert_eq!([0, 1, 2].map(|state| accepted.get(state)[0]), [0b0111, 0b0110, 0b1000]);
+    }
+}
