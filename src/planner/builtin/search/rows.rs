@@ -78,7 +78,7 @@ impl<W: Copy + Eq + Into<u64>> Rows<W> {
 
     /// The place where to begin to look for a row.
     fn place(&self, hash: u64) -> usize {
-        ((hash >> 32) * self.table.len() as u64 >> 32) as usize
+        (((hash >> 32) * self.table.len() as u64) >> 32) as usize
     }
 
     fn grow(&mut self) {
@@ -93,7 +93,7 @@ impl<W: Copy + Eq + Into<u64>> Rows<W> {
             while self.table[place] != FREE {
                 place = if place + 1 == places { 0 } else { place + 1 };
             }
-            self.table[place] = hash as u32 & !mask | id;
+            self.table[place] = (hash as u32 & !mask) | id;
         }
     }
 }
