@@ -48,8 +48,8 @@ const MOST: f64 = 1e6;
 const WORK: u64 = 2_000_000_000;
 
 /// The same where timed literals are steps of the plan. Ferroplan had its turn before, so this is what the answer that no
-/// plan was found waits for: the searches' slices grow up to it, and take less than a second together.
-const TIMED_WORK: u64 = 30_000_000;
+/// plan was found waits for: a few seconds, as for a proof.
+const TIMED_WORK: u64 = 200_000_000;
 
 /// The work for a plan that ends earlier, where improvement is bounded: about a third of a second.
 const HASTE: u64 = 12_000_000;
