@@ -22,6 +22,7 @@ use super::stale_files;
 use super::supervisor::GRACE;
 use super::usage;
 use crate::formats::Source;
+use crate::interrupt::Unfinished;
 
 /// How often interruption, time and output are checked: a user does not notice the delay, and looking costs little.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
@@ -39,8 +40,8 @@ pub(super) struct Supervisor {
     group: Option<Pid>,
     /// Whether the program may be running.
     is_running: bool,
-    /// The run's directory, until it is removed.
-    directory: Option<TempDir>,
+    /// The run's directory, until it is removed: here, or by an interruption that ends rmem at once.
+    directory: Option<(TempDir, Unfinished)>,
 }
 
 /// What a program left.
@@ -59,6 +60,7 @@ impl Supervisor {
             .prefix(&stale_files::prefix(&host.temporary, "rmem-run-"))
             .tempdir_in(&host.temporary)
             .map_err(|error| End::no_files(host, &error))?;
+        let unfinished = Unfinished::new(directory.path());
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
         command.arg("__supervisor").arg("--directory").arg(directory.path());
@@ -85,12 +87,12 @@ impl Supervisor {
             command.stdout(stream(directory.path(), "stdout")?).stderr(stream(directory.path(), "stderr")?);
         }
         let process = command.spawn()?;
-        let (pending, directory) = (String::new(), Some(directory));
+        let (pending, directory) = (String::new(), Some((directory, unfinished)));
         Ok(Self { process, lifeline: ours, pending, group: None, is_running: false, directory })
     }
 
     pub(super) fn place(&self) -> &Path {
-        self.directory.as_ref().map_or(Path::new(""), TempDir::path)
+        self.directory.as_ref().map_or(Path::new(""), |(directory, _)| directory.path())
     }
 
     /// Lets the program run.

@@ -41,7 +41,7 @@ const USES: [(&str, &str); 28] = [
     ("planner", "fault formats pddl process"),
     ("planning", "fault formats interrupt memory pddl plan planner problem process saturate store"),
     ("problem", "fault formats input memory pddl query store"),
-    ("process", "formats"),
+    ("process", "formats interrupt"),
     ("query", "calendar fault"),
     ("saturate", ""),
     ("scene", "formats memory query store"),

@@ -30,17 +30,18 @@ pub(super) fn find(
     context: &mut Context<'_>,
 ) -> Result<Found> {
     let prepared = planning::prepare(request, memory, &context.host());
-    find_prepared(request, prepared, sections, memory, context)
+    Ok(find_prepared(request, prepared, sections, memory, context)?.0)
 }
 
-/// As [`find`], with the problem and the planners' programs.
+/// As [`find`], with the problem and the planners' programs; returns the result as well, of which giving back the memory may
+/// take a while.
 pub(super) fn find_prepared<'a>(
     request: &'a PlanRequest,
     prepared: Result<PreparedSearch<'a>, PlanningError>,
     sections: SectionCounts,
     memory: &Memory,
     context: &mut Context<'_>,
-) -> Result<Found> {
+) -> Result<(Found, PlanResult<'a>)> {
     sections.report(prepared.as_ref().map(PreparedSearch::task), memory, context)?;
     let prepared = prepared?;
     sections.warn(&request.domain, prepared.task(), context);
@@ -65,7 +66,7 @@ pub(super) fn find_prepared<'a>(
     let exit = print(&result, id.as_deref(), context)?;
     let generated = result.task().generated.as_ref();
     let namespaces = generated.map(|generated| generated.namespaces.clone()).unwrap_or_default();
-    Ok(Found { exit, id, namespaces })
+    Ok((Found { exit, id, namespaces }, result))
 }
 
 /// Says what is being done while planners run.

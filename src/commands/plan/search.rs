@@ -92,7 +92,11 @@ pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> 
         let memory = context.memory()?;
         let started = || starting.join().unwrap_or_else(|panic| resume_unwind(panic));
         let prepared = planning::prepare_started(&request, &memory, started);
-        Ok(find_prepared(&request, prepared, sections, &memory, context)?.exit)
+        let (found, result) = find_prepared(&request, prepared, sections, &memory, context)?;
+        // The end of the process gives back a large problem at once.
+        std::mem::forget(result);
+        std::mem::forget(request);
+        Ok(found.exit)
     })
 }
 

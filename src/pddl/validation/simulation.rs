@@ -1,7 +1,8 @@
 //! From a plan to its verdict: look up, simulate, check the goal.
 
 use super::error::EvaluationError;
-use super::happening::{Instance, Stop, simulate};
+use super::happening::simulate;
+use super::point::{Instance, Stop};
 use super::state::{Bindings, State};
 use super::trace::Happening;
 use super::trajectory::Trajectory;

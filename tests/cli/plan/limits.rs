@@ -199,6 +199,38 @@ fn a_planner_that_begins_before_a_large_task_is_checked_ends_where_that_is_wrong
 }
 
 #[test]
+fn an_interruption_while_a_large_task_is_checked_leaves_no_files() {
+    let lab = Lab::new();
+    let tmp = lab.path().join("tmp");
+    std::fs::create_dir(&tmp).unwrap();
+    // The planner would not end soon: the action has a million million instances.
+    lab.write(
+        "d.pddl",
+        "(define (domain d) (:predicates (p ?x) (q ?x ?y ?z ?t))
+           (:action a :parameters (?x ?y ?z ?t) :precondition (and (p ?x) (p ?y) (p ?z) (p ?t)) :effect (q ?x ?y ?z ?t)))",
+    );
+    let objects: Vec<String> = (0..1000).map(|number| format!("object-{number}")).collect();
+    let facts: Vec<String> = (0..100_000).map(|number| format!("(p object-{})", number % 1000)).collect();
+    let (objects, facts) = (objects.join(" "), facts.join(" "));
+    let goal = "(q object-0 object-1 object-2 object-3)";
+    lab.write(
+        "p.pddl",
+        &format!("(define (problem n) (:domain d) (:objects {objects}) (:init {facts}) (:goal {goal}))"),
+    );
+    let mut command = std::process::Command::new(crate::lab::rmem());
+    command.args(["plan", "-d", "d.pddl", "-p", "p.pddl", "--no-store"]);
+    lab.isolate(&mut command);
+    let mut child = command.env("TMPDIR", &tmp).stderr(std::process::Stdio::null()).spawn().unwrap();
+    // The planner has the problem, and reads it as rmem does.
+    let has_problem = |folder: std::fs::DirEntry| folder.path().join("problem.pddl").exists();
+    until("the planner begins", || std::fs::read_dir(&tmp).unwrap().flatten().any(has_problem));
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(std::fs::read_dir(&tmp).unwrap().count(), 0);
+}
+
+#[test]
 fn a_wrong_task_leaves_no_files_of_the_planner_prepared_for_it() {
     let lab = Lab::new();
     let tmp = lab.path().join("tmp");

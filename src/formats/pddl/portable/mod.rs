@@ -3,8 +3,8 @@
 //! FF drops characters it does not know, so that objects `1a` and `2a` both become
 //! `A`; other planners stop at a dot. What is sent has only names `[a-z][a-z0-9_-]*`.
 //! Names that are that already, but for case, stay; others get a name of their own. What some planners do not
-//! read is written as all do: a function without arguments has its brackets, and what is false at the
-//! beginning is left out.
+//! read is written as all do: a function without arguments has its brackets, what is false at the
+//! beginning is left out, and a number below zero is `-5`, not `(- 5)`.
 //! The plan comes back in the spelling of the domain and the problem; where they
 //! differ, the problem's wins.
 
@@ -20,7 +20,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 
-use crate::formats::pddl::ast::{Domain, Init, Problem};
+use crate::formats::pddl::ast::{Domain, Expression, Init, Operator, Problem};
 use crate::formats::plan::Action;
 use alike::is_alike;
 use names::Names;
@@ -53,7 +53,7 @@ pub(crate) fn try_send(
 ) -> Option<Sent> {
     let mut names = Names::new(domain, problem, known);
     let domain_text = rewrite::domain(&mut names, domain, interrupted)?;
-    let problem_text = rewrite::problem(&mut names, without_denials(problem).as_ref(), interrupted)?;
+    let problem_text = rewrite::problem(&mut names, with_plain_init(problem).as_ref(), interrupted)?;
     let actions = domain.actions.iter().map(|action| &action.name);
     let actions = actions.chain(domain.durative_actions.iter().map(|action| &action.name));
     let constants = domain.constants.iter().map(|constant| &constant.name);
@@ -115,24 +115,45 @@ impl Sent {
     }
 }
 
-/// The problem without the facts of which it says that they are not there, as if others were.
-fn without_denials(problem: &Problem) -> Cow<'_, Problem> {
-    let is_denial = |fact: &Init| matches!(fact, Init::Not(_));
-    if !problem.init.iter().any(is_denial) {
+/// The problem whose initial state lists what is there, and numbers: without the facts of which it says that they are not
+/// there, as if others were.
+fn with_plain_init(problem: &Problem) -> Cow<'_, Problem> {
+    let is_plain = |fact: &Init| match fact {
+        Init::Not(_) => false,
+        Init::Value(_, value) => !matches!(value, Expression::Operation(..)),
+        Init::Atom(_) | Init::At(..) => true,
+    };
+    if problem.init.iter().all(is_plain) {
         return Cow::Borrowed(problem);
     }
+    let plain = |fact: &Init| match fact {
+        Init::Not(_) => None,
+        Init::Value(target, value) => Some(Init::Value(target.clone(), computed(value))),
+        other => Some(other.clone()),
+    };
     Cow::Owned(Problem {
         name: problem.name.clone(),
         domain: problem.domain.clone(),
         requirements: problem.requirements.clone(),
         objects: problem.objects.clone(),
-        init: problem.init.iter().filter(|fact| !is_denial(fact)).cloned().collect(),
+        init: problem.init.iter().filter_map(plain).collect(),
         goal: problem.goal.clone(),
         constraints: problem.constraints.clone(),
         metric: problem.metric.clone(),
         length: problem.length.clone(),
         place: problem.place,
     })
+}
+
+/// The number that `(- NUMBER)` is; anything else as it is.
+fn computed(value: &Expression) -> Expression {
+    if let Expression::Operation(Operator::Subtract, operands, place) = value
+        && let [only] = operands.as_slice()
+        && let Expression::Number(number, _) = computed(only)
+    {
+        return Expression::Number(-number, *place);
+    }
+    value.clone()
 }
 
 #[cfg(test)]
@@ -245,6 +266,19 @@ mod tests {
         assert!(sent.problem.contains("(= (used) 0)") && sent.problem.contains("minimize (used)"), "{}", sent.problem);
         assert!(!sent.problem.contains("not"), "{}", sent.problem);
         assert!(sent.problem.contains("(q)") && sent.problem.contains(":objects unused"), "{}", sent.problem);
+    }
+
+    #[test]
+    fn a_number_below_zero_is_written_as_one_word() {
+        let (domain, problem) = task(
+            "(define (domain d) (:requirements :fluents) (:predicates (p)) (:functions (f) (g) (h))
+               (:action a :parameters () :precondition (< (f) 0) :effect (p)))",
+            "(define (problem n) (:domain d) (:init (= (f) (- 5)) (= (g) (- (- 2.5))) (= (h) -1)) (:goal (p)))",
+        );
+        let sent = send(&domain, &problem, None);
+        for value in ["(= (f) -5)", "(= (g) 2.5)", "(= (h) -1)"] {
+            assert!(sent.problem.contains(value), "{}", sent.problem);
+        }
     }
 
     #[test]

@@ -271,7 +271,7 @@ mod tests {
     use super::super::example::{counter, names};
     use super::super::number::{self, Comparator, Expression};
     use super::super::relaxed::{Costs, Relaxed};
-    use super::super::state::{NO_STATE, Space};
+    use super::super::state::Space;
     use super::super::successor::{apply, holds};
     use super::*;
 
@@ -350,7 +350,7 @@ mod tests {
             task.init.truncate(task.len());
             task.init.extend(values.iter().flat_map(|value| number::words(*value)));
             let mut space = Space::new(&task);
-            let (id, _) = space.insert(&task.init, NO_STATE, 0);
+            let (id, _) = space.insert(&task.init);
             let mut state = vec![0; task.init.len()];
             space.state(id, &mut state);
             prop_assert_eq!(&state, &task.init);

@@ -47,8 +47,8 @@ impl Hasher for NumberHasher {
 }
 
 /// Returns a hash of words.
-pub(super) fn words(words: &[u64]) -> u64 {
+pub(super) fn words<W: Copy + Into<u64>>(words: &[W]) -> u64 {
     let mut hasher = NumberHasher::default();
-    words.iter().for_each(|word| hasher.mix(*word));
+    words.iter().for_each(|word| hasher.mix((*word).into()));
     hasher.finish()
 }

@@ -6,12 +6,15 @@
 //! operators only; they are asked in turn, and those of preferred operators are asked more often after progress.
 
 use super::axiom::Axioms;
+use super::landmark::accepted::Accepted;
 use super::landmark::count::{Achieved, Counter};
 use super::open::OpenList;
+use super::preferred::Preferred;
 use super::relaxed::Relaxed;
 use super::state::{NO_STATE, Space, StateId};
 use super::successor::{Generator, apply, holds};
 use super::task::{Fact, OperatorId, Task};
+use super::ways::Ways;
 
 /// How many turns an open list of preferred operators gets for progress.
 const BOOST: i64 = 1000;
@@ -66,13 +69,14 @@ pub(super) struct Lazy<'t> {
     relaxed: Relaxed,
     aim: Aim,
     space: Space,
+    ways: Ways,
     /// What was paid for each state, where that matters.
     paid: Vec<u64>,
-    /// The accepted landmarks of each state.
-    accepted: Vec<u64>,
-    /// By estimate: all and preferred operators, first of the relaxed plan, then of the landmarks. All operators of a state
-    /// wait as one entry, with how many of them were taken.
+    accepted: Accepted,
+    /// By estimate: all and preferred operators, first of the relaxed plan, then of the landmarks. The operators of a state
+    /// wait as one entry: all of them as the state, those that are preferred as their place in `preferred`.
     lists: [OpenList; 4],
+    preferred: Preferred,
     /// The operators of the state that is next in each of the lists of all operators.
     next: [Successors; 2],
     best: [u32; 2],
@@ -107,7 +111,7 @@ impl<'t> Lazy<'t> {
         aim: Aim,
     ) -> Self {
         let mut lists: [OpenList; 4] = Default::default();
-        lists[0].push(0, (NO_STATE, 0));
+        lists[0].push(0, NO_STATE);
         if aim.weight.is_none() {
             relaxed.draw();
         }
@@ -126,9 +130,11 @@ impl<'t> Lazy<'t> {
             relaxed,
             aim,
             space: Space::new(task),
+            ways: Ways::default(),
             paid: Vec::new(),
-            accepted: Vec::new(),
+            accepted: Accepted::new(counter),
             lists,
+            preferred: Preferred::default(),
             next: [(); 2].map(|()| Successors { state: NO_STATE, operators: vec![ROOT] }),
             best: [u32::MAX; 2],
             work: 0,
@@ -154,7 +160,8 @@ impl<'t> Lazy<'t> {
 
     fn bytes(&self) -> usize {
         let entries: usize = self.lists.iter().map(OpenList::bytes).sum();
-        self.space.bytes() + (self.accepted.capacity() + self.paid.capacity()) * 8 + entries
+        let states = self.space.bytes() + self.ways.bytes() + self.accepted.bytes();
+        states + size_of_val(self.paid.as_slice()) + entries + self.preferred.bytes()
     }
 
     /// Searches until so much work is done, in so many bytes.
@@ -183,21 +190,21 @@ impl<'t> Lazy<'t> {
 
     /// Takes what is next from a list.
     fn take(&mut self, list: usize) -> Option<(StateId, OperatorId)> {
-        if list % 2 == 1 {
-            return self.lists[list].pop();
-        }
-        let next = &mut self.next[list / 2];
-        let (state, taken) = self.lists[list].front()?;
-        if next.state != *state {
-            let facts = &mut self.scratch.state;
-            self.space.state(*state, facts);
-            next.state = *state;
-            applicable(self.task, self.generator, self.aim.ties, facts, &mut next.operators);
-        }
-        let operator = next.operators[*taken as usize];
-        let found = (*state, operator);
+        let (entry, taken) = self.lists[list].front()?;
+        let (found, is_last) = if list % 2 == 1 {
+            self.preferred.get(entry, *taken)
+        } else {
+            let next = &mut self.next[list / 2];
+            if next.state != entry {
+                let facts = &mut self.scratch.state;
+                self.space.state(entry, facts);
+                next.state = entry;
+                applicable(self.task, self.generator, self.aim.ties, facts, &mut next.operators);
+            }
+            ((entry, next.operators[*taken as usize]), *taken as usize + 1 == next.operators.len())
+        };
         *taken += 1;
-        if *taken as usize == next.operators.len() {
+        if is_last {
             self.lists[list].pop();
         }
         Some(found)
@@ -215,7 +222,7 @@ impl<'t> Lazy<'t> {
         }
         let mut state = std::mem::take(&mut self.scratch.state);
         self.enter(parent, operator, &mut state);
-        let (id, is_new) = self.space.insert(&state, parent, operator);
+        let (id, is_new) = self.space.insert(&state);
         let is_better = !is_new && self.aim.weight.is_some() && paid < self.paid[id as usize];
         let plan = if is_new || is_better { self.look(parent, operator, id, paid, is_new, &state) } else { None };
         self.scratch.state = state;
@@ -243,15 +250,16 @@ impl<'t> Lazy<'t> {
         is_new: bool,
         state: &[Fact],
     ) -> Option<Vec<OperatorId>> {
-        if !is_new {
-            self.space.set_parent(id, parent, operator);
+        if is_new {
+            self.ways.push(parent, operator);
+            self.paid.extend(self.aim.weight.map(|_| paid));
+        } else {
+            self.ways.set(id, parent, operator);
             self.paid[id as usize] = paid;
-        } else if self.aim.weight.is_some() {
-            self.paid.push(paid);
         }
         self.advance(parent, id, is_new, state);
         if holds(self.task, state, &self.aim.goal) {
-            return Some(self.space.plan(id));
+            return Some(self.ways.plan(id));
         }
         self.evaluated += 1;
         let estimate = self.relaxed.estimate(state, &self.aim.goal);
@@ -278,22 +286,16 @@ impl<'t> Lazy<'t> {
 
     /// Computes the accepted landmarks of a state.
     fn advance(&mut self, parent: StateId, id: StateId, is_new: bool, state: &[Fact]) {
-        let words = self.counter.words();
-        if parent == NO_STATE {
-            self.counter.start(self.task, state, &mut self.scratch.accepted);
-        } else {
-            let start = parent as usize * words;
-            self.counter.accept(self.task, state, &self.accepted[start..start + words], &mut self.scratch.accepted);
+        let accepted = &mut self.scratch.accepted;
+        match parent {
+            NO_STATE => self.counter.start(self.task, state, accepted),
+            _ => self.counter.accept(self.task, state, self.accepted.get(parent), accepted),
         }
         if is_new {
-            self.accepted.extend_from_slice(&self.scratch.accepted);
-            return;
-        }
-        // What is achieved on one way to a state but not on another is still to be achieved (Karpas and Domshlak 2009).
-        let start = id as usize * words;
-        for (known, word) in self.accepted[start..start + words].iter_mut().zip(&mut self.scratch.accepted) {
-            *known &= *word;
-            *word = *known;
+            self.accepted.push(accepted);
+        } else {
+            // What is achieved on one way to a state but not on another is still to be achieved (Karpas and Domshlak 2009).
+            self.accepted.meet(id, accepted);
         }
     }
 
@@ -312,15 +314,16 @@ impl<'t> Lazy<'t> {
         let achieved: Vec<Achieved> = operators.iter().map(achieves).collect();
         // Disjunctive landmarks count where no simple one can be achieved.
         let most = achieved.iter().copied().max().unwrap_or(Achieved::Nothing);
+        let is_wanted = |(operator, achieved): &(&OperatorId, &Achieved)| {
+            let is_next = most > Achieved::Nothing && **achieved == most;
+            is_next || is_preferred[**operator as usize]
+        };
+        let wanted = operators.iter().zip(&achieved).filter(is_wanted).map(|(operator, _)| *operator);
+        let wanted = self.preferred.push(id, wanted);
         let heuristics = if self.counter.words() > 0 { 2 } else { 1 };
         for (place, key) in keys.into_iter().enumerate().take(heuristics) {
-            self.lists[place * 2].push(key, (id, 0));
-            for (operator, achieved) in operators.iter().zip(&achieved) {
-                let is_next = most > Achieved::Nothing && *achieved == most;
-                if is_next || is_preferred[*operator as usize] {
-                    self.lists[place * 2 + 1].push(key, (id, *operator));
-                }
-            }
+            self.lists[place * 2].push(key, id);
+            wanted.into_iter().for_each(|entry| self.lists[place * 2 + 1].push(key, entry));
         }
         preferred.iter().for_each(|operator| is_preferred[*operator as usize] = false);
     }

@@ -15,6 +15,7 @@ use super::reservoir::{Draw, Reservoir};
 use super::state::{NO_STATE, Space, StateId};
 use super::successor::{Generator, apply, holds};
 use super::task::{Fact, OperatorId, Task};
+use super::ways::Ways;
 
 /// The work of the first round of searches.
 const ROUND: u64 = 30_000_000;
@@ -241,6 +242,7 @@ struct Search<'a> {
     relaxed: &'a mut Relaxed,
     axioms: Axioms,
     space: Space,
+    ways: Ways,
     nodes: Vec<Node>,
     /// The states to be expanded by preferred operators, and by all.
     queues: [BinaryHeap<Reverse<(u64, u64, StateId)>>; 2],
@@ -269,6 +271,7 @@ impl<'a> Search<'a> {
             relaxed,
             axioms: Axioms::new(task),
             space: Space::new(task),
+            ways: Ways::default(),
             nodes: Vec::new(),
             queues: Default::default(),
             weight,
@@ -339,10 +342,11 @@ impl<'a> Search<'a> {
         best: u64,
         found: &mut dyn FnMut(&[OperatorId]),
     ) -> Option<u64> {
-        let (id, is_new) = self.space.insert(state, parent, operator);
+        let (id, is_new) = self.space.insert(state);
         let value = self.timing.value(&times);
         if is_new {
             let left = self.relaxed.estimate(state, &self.task.goal).value;
+            self.ways.push(parent, operator);
             self.nodes.push(Node { times, left });
         } else {
             let node = &mut self.nodes[id as usize];
@@ -354,11 +358,11 @@ impl<'a> Search<'a> {
                 return None;
             }
             node.times = times;
-            self.space.set_parent(id, parent, operator);
+            self.ways.set(id, parent, operator);
         }
         if holds(self.task, state, &self.task.goal) {
             // The way to a state may have become a better one since: what counts is the plan.
-            let plan = self.space.plan(id);
+            let plan = self.ways.plan(id);
             let value = self.timing.measured(&plan).filter(|value| *value < best);
             if value.is_some() {
                 found(&plan);

@@ -17,9 +17,11 @@ pub mod lifted;
 pub mod makespan;
 pub mod number;
 mod open;
+mod preferred;
 mod prove;
 mod relaxed;
 pub mod reservoir;
+mod rows;
 mod shorten;
 #[cfg(test)]
 pub(super) mod simulate;
@@ -29,6 +31,7 @@ mod successor;
 pub mod task;
 #[cfg(test)]
 mod tests;
+mod ways;
 mod width;
 
 #[cfg(test)]

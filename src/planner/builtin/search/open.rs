@@ -1,12 +1,13 @@
 //! Open lists: queues of what is to be looked at, by estimate; of equals, the first comes first.
+//!
+//! There are more entries than anything else in a search, so an entry is one number: a state, or the place of what else is
+//! known of it. What an entry stands for can be taken one by one: only of the first of its estimate is a part taken, so
+//! that how many were is kept once for each estimate.
 
 use std::collections::VecDeque;
 
-use super::state::StateId;
-use super::task::OperatorId;
-
-/// A state, and an operator that is applicable in it or how many of those were taken.
-pub(super) type Entry = (StateId, OperatorId);
+/// The number of what is to be looked at.
+pub(super) type Entry = u32;
 
 /// A queue for each estimate.
 #[derive(Debug, Default)]
@@ -31,7 +32,9 @@ const BLOCK: usize = 256;
 struct Queue {
     blocks: VecDeque<Vec<Entry>>,
     /// How many were taken from the first block.
-    taken: usize,
+    taken: u32,
+    /// How many parts were taken of the entry that comes next.
+    parts: u32,
 }
 
 impl Queue {
@@ -48,15 +51,17 @@ impl Queue {
         }
     }
 
-    fn front(&mut self) -> Option<&mut Entry> {
-        self.blocks.front_mut()?.get_mut(self.taken)
+    fn front(&mut self) -> Option<(Entry, &mut u32)> {
+        let entry = *self.blocks.front()?.get(self.taken as usize)?;
+        Some((entry, &mut self.parts))
     }
 
     fn pop(&mut self) -> Option<Entry> {
         let block = self.blocks.front()?;
-        let entry = block.get(self.taken).copied();
+        let entry = block.get(self.taken as usize).copied();
         self.taken += 1;
-        if self.taken >= block.len() {
+        self.parts = 0;
+        if self.taken as usize >= block.len() {
             self.blocks.pop_front();
             self.taken = 0;
         }
@@ -83,8 +88,8 @@ impl OpenList {
         self.first = self.first.min(bucket);
     }
 
-    /// The entry that comes next, to be changed in its place.
-    pub(super) fn front(&mut self) -> Option<&mut Entry> {
+    /// The entry that comes next, and how many of its parts were taken, to be counted on.
+    pub(super) fn front(&mut self) -> Option<(Entry, &mut u32)> {
         while self.buckets.get(self.first).is_some_and(Queue::is_empty) {
             self.first += 1;
         }
@@ -126,9 +131,9 @@ mod tests {
     fn small_estimates_come_first_and_equal_ones_in_order() {
         let mut list = OpenList::default();
         for (place, estimate) in [7, 3, 1 << 20, 3, 0, 1 << 15, 7].into_iter().enumerate() {
-            list.push(estimate, (place as StateId, 0));
+            list.push(estimate, place as Entry);
         }
-        let order: Vec<StateId> = std::iter::from_fn(|| list.pop()).map(|(id, _)| id).collect();
+        let order: Vec<Entry> = std::iter::from_fn(|| list.pop()).collect();
         assert_eq!(order, [4, 1, 3, 0, 6, 5, 2]);
         assert!(list.is_empty());
     }
@@ -136,38 +141,42 @@ mod tests {
     #[test]
     fn what_is_smaller_than_what_was_taken_comes_next() {
         let mut list = OpenList::default();
-        list.push(5, (0, 0));
-        list.push(9, (1, 0));
-        assert_eq!(list.pop(), Some((0, 0)));
-        list.push(2, (2, 0));
-        assert_eq!(list.pop(), Some((2, 0)));
-        assert_eq!((list.pop(), list.pop()), (Some((1, 0)), None));
+        list.push(5, 0);
+        list.push(9, 1);
+        assert_eq!(list.pop(), Some(0));
+        list.push(2, 2);
+        assert_eq!(list.pop(), Some(2));
+        assert_eq!((list.pop(), list.pop()), (Some(1), None));
     }
 
     #[test]
     fn entries_keep_their_order_over_many_blocks() {
         let mut list = OpenList::default();
         let (mut pushed, mut taken) = (0, 0);
-        for round in 0..6 * BLOCK as StateId {
+        for round in 0..6 * BLOCK as Entry {
             for _ in 0..1 + round % 3 {
-                list.push(1, (pushed, 0));
+                list.push(1, pushed);
                 pushed += 1;
             }
-            assert_eq!(list.pop(), Some((taken, 0)));
+            assert_eq!(list.pop(), Some(taken));
             taken += 1;
         }
-        assert!(std::iter::from_fn(|| list.pop()).map(|(id, _)| id).eq(taken..pushed));
+        assert!(std::iter::from_fn(|| list.pop()).eq(taken..pushed));
         assert!(list.is_empty() && list.front().is_none());
     }
 
     #[test]
-    fn what_comes_next_is_changed_in_its_place() {
+    fn parts_are_counted_for_each_entry_alone() {
         let mut list = OpenList::default();
-        [(3, 0), (3, 1), (1 << 20, 2)].into_iter().for_each(|(estimate, id)| list.push(estimate, (id, 0)));
-        for expected in [(0, 1), (1, 1), (2, 1)] {
-            list.front().unwrap().1 += 1;
-            assert_eq!(list.pop(), Some(expected));
+        [(3, 0), (3, 1), (1 << 20, 2)].into_iter().for_each(|(estimate, entry)| list.push(estimate, entry));
+        *list.front().unwrap().1 += 2;
+        // What comes before an entry leaves its count as it is.
+        list.push(1, 3);
+        for (entry, parts) in [(3, 0), (0, 2), (1, 0), (2, 0)] {
+            assert_eq!(list.front(), Some((entry, &mut { parts })));
+            *list.front().unwrap().1 += 1;
+            assert_eq!(list.pop(), Some(entry));
         }
-        assert_eq!(list.pop(), None);
+        assert_eq!(list.front(), None);
     }
 }

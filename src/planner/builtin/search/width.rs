@@ -7,13 +7,15 @@
 
 use super::axiom::Axioms;
 use super::hash::NumberMap;
+use super::landmark::accepted::Accepted;
 use super::landmark::count::Counter;
 use super::lazy::Step;
 use super::open::OpenList;
 use super::relaxed::Relaxed;
-use super::state::{NO_STATE, Space, StateId};
+use super::state::{Space, StateId};
 use super::successor::{Generator, apply, holds};
 use super::task::{Fact, OperatorId, Task};
+use super::ways::Expansions;
 
 /// Words of the set of achieved facts of a relaxed plan; those of longer plans share bits.
 const WORDS: usize = 4;
@@ -69,14 +71,6 @@ impl Planned {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    /// Landmarks left.
-    left: u32,
-    /// What is achieved: shared with the states before where nothing is added.
-    mark: u32,
-}
-
 /// What was achieved of a relaxed plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Mark {
@@ -91,6 +85,41 @@ impl Mark {
     }
 }
 
+/// Marks, one after another: of each its plan, and its words without the last ones that are empty.
+#[derive(Debug, Default)]
+struct Marks {
+    words: Vec<u64>,
+}
+
+impl Marks {
+    /// Adds a mark; returns its place.
+    fn push(&mut self, mark: Mark) -> u32 {
+        let place = self.words.len() as u32;
+        let count = mark.achieved.iter().rposition(|word| *word != 0).map_or(0, |last| last + 1);
+        self.words.push(u64::from(mark.plan) << 32 | count as u64);
+        self.words.extend_from_slice(&mark.achieved[..count]);
+        place
+    }
+
+    fn get(&self, place: u32) -> Mark {
+        let place = place as usize;
+        let (plan, count) = ((self.words[place] >> 32) as u32, self.words[place] as u32 as usize);
+        let mut achieved = [0; WORDS];
+        achieved[..count].copy_from_slice(&self.words[place + 1..place + 1 + count]);
+        Mark { plan, achieved }
+    }
+}
+
+/// What a state is compared to: the state before it.
+#[derive(Debug, Clone, Copy)]
+struct Above {
+    /// Landmarks left.
+    left: u32,
+    /// The place of what is achieved.
+    place: u32,
+    mark: Mark,
+}
+
 /// The search, which can be continued.
 pub(super) struct Width<'t> {
     task: &'t Task,
@@ -99,9 +128,11 @@ pub(super) struct Width<'t> {
     axioms: Axioms,
     relaxed: Relaxed,
     space: Space,
-    nodes: Vec<Node>,
-    achieved: Vec<Mark>,
-    accepted: Vec<u64>,
+    expansions: Expansions,
+    accepted: Accepted,
+    /// For each state the place of what is achieved: shared with the state before where nothing is added.
+    places: Vec<u32>,
+    achieved: Marks,
     plans: Vec<Planned>,
     /// By landmarks left and achieved facts.
     seen: NumberMap<u64, (Bits, Option<Bits>)>,
@@ -125,9 +156,10 @@ impl<'t> Width<'t> {
             axioms: Axioms::new(task),
             relaxed,
             space: Space::new(task),
-            nodes: Vec::new(),
-            achieved: Vec::new(),
-            accepted: Vec::new(),
+            expansions: Expansions::default(),
+            accepted: Accepted::new(counter),
+            places: Vec::new(),
+            achieved: Marks::default(),
             plans: Vec::new(),
             seen: NumberMap::default(),
             pair_bytes: 0,
@@ -141,15 +173,17 @@ impl<'t> Width<'t> {
         let mut state = task.init.clone();
         search.axioms.derive(task, &mut state);
         search.counter.start(task, &state, &mut search.marks);
-        search.enter(NO_STATE, OperatorId::MAX, &state, &[]);
+        search.space.insert(&state);
+        search.rate(None, 0, &state, &[]);
         search
     }
 
     fn bytes(&self) -> usize {
         let entries: usize = self.lists.iter().map(OpenList::bytes).sum();
         let sets = self.seen.len() * (self.task.facts() / 8 + 64) + self.pair_bytes + self.plan_bytes;
-        let nodes = self.nodes.capacity() * size_of::<Node>() + self.achieved.capacity() * size_of::<Mark>();
-        self.space.bytes() + nodes + self.accepted.capacity() * 8 + entries + sets
+        let states = self.space.bytes() + self.expansions.bytes() + self.accepted.bytes();
+        let marks = size_of_val(self.places.as_slice()) + size_of_val(self.achieved.words.as_slice());
+        states + marks + entries + sets
     }
 
     /// Returns how much work was done.
@@ -167,7 +201,7 @@ impl<'t> Width<'t> {
         let start = self.work();
         let mut count = 0_usize;
         while self.work() - start < work {
-            let Some((id, _)) = self.lists.iter_mut().find_map(OpenList::pop) else { return Step::Exhausted };
+            let Some(id) = self.lists.iter_mut().find_map(OpenList::pop) else { return Step::Exhausted };
             if let Some(plan) = self.expand(id) {
                 return Step::Plan(plan);
             }
@@ -185,46 +219,39 @@ impl<'t> Width<'t> {
         self.space.state(id, &mut before);
         let mut applicable = Vec::new();
         self.generator.applicable(task, &before, &mut applicable);
+        self.expansions.push(id, self.space.len() as StateId);
+        let left = self.counter.count(task, &before, self.accepted.get(id));
+        let place = self.places[id as usize];
+        let above = Above { left, place, mark: self.achieved.get(place) };
         let mut plan = None;
-        let words = self.counter.words();
         for operator in applicable {
             state.copy_from_slice(&before);
             apply(task, &mut self.axioms, &task.operators[operator as usize], &mut state);
             self.work += (task.len() / 4 + task.axioms.len() + 16) as u64;
-            let (child, is_new) = self.space.insert(&state, id, operator);
+            let (child, is_new) = self.space.insert(&state);
             if !is_new {
                 continue;
             }
             if holds(task, &state, &task.goal) {
-                plan = Some(self.space.plan(child));
+                plan = Some(self.expansions.plan(task, self.generator, &self.space, child));
                 break;
             }
-            let start = id as usize * words;
-            let mut marks = std::mem::take(&mut self.marks);
-            self.counter.accept(task, &state, &self.accepted[start..start + words], &mut marks);
-            self.marks = marks;
-            self.work += words as u64 * 24;
-            self.rate(id, child, &state, &before);
+            self.counter.accept(task, &state, self.accepted.get(id), &mut self.marks);
+            self.work += self.counter.words() as u64 * 24;
+            self.rate(Some(above), child, &state, &before);
         }
         (self.before, self.state) = (before, state);
         plan
     }
 
-    /// Adds the first state.
-    fn enter(&mut self, parent: StateId, operator: OperatorId, state: &[Fact], before: &[Fact]) {
-        let (id, _) = self.space.insert(state, parent, operator);
-        self.rate(parent, id, state, before);
-    }
-
     /// Decides how novel a new state is, and where it waits.
-    fn rate(&mut self, parent: StateId, id: StateId, state: &[Fact], before: &[Fact]) {
+    fn rate(&mut self, above: Option<Above>, id: StateId, state: &[Fact], before: &[Fact]) {
         let task = self.task;
         let left = self.counter.count(task, state, &self.marks);
-        self.accepted.extend_from_slice(&self.marks);
-        let above = (parent != NO_STATE).then(|| self.nodes[parent as usize]);
+        self.accepted.push(&self.marks);
         let mark = match above {
             Some(above) if left >= above.left => {
-                let mut mark = self.achieved[above.mark as usize];
+                let mut mark = above.mark;
                 if let Some(plan) = self.plans.get(mark.plan as usize) {
                     let new = state[..task.len()].iter().zip(before).filter(|(fact, old)| fact != old);
                     for bit in new.filter_map(|(fact, _)| plan.place(*fact)) {
@@ -237,7 +264,7 @@ impl<'t> Width<'t> {
                 let estimate = self.relaxed.estimate(state, &task.goal);
                 if estimate.value.is_none() {
                     // No plan leads on from here.
-                    self.note(above, left, Mark { plan: NONE, achieved: [0; WORDS] });
+                    self.note(above, Mark { plan: NONE, achieved: [0; WORDS] });
                     return;
                 }
                 let facts = self
@@ -252,22 +279,19 @@ impl<'t> Width<'t> {
                 Mark { plan: self.plans.len() as u32 - 1, achieved: [0; WORDS] }
             }
         };
-        let before_it = above.map(|above| (above.left, self.achieved[above.mark as usize].count()));
+        let before_it = above.map(|above| (above.left, above.mark.count()));
         let count = mark.count();
-        self.note(above, left, mark);
+        self.note(above, mark);
         let is_alike = before_it == Some((left, count));
         let novelty = self.novelty(u64::from(left) << 16 | u64::from(count), state, is_alike.then_some(before));
-        self.lists[novelty].push(left, (id, 0));
+        self.lists[novelty].push(left, id);
     }
 
     /// Keeps what is known of a new state.
-    fn note(&mut self, above: Option<Node>, left: u32, mark: Mark) {
-        let known = above.map(|above| above.mark).filter(|known| self.achieved[*known as usize] == mark);
-        let mark = known.unwrap_or_else(|| {
-            self.achieved.push(mark);
-            self.achieved.len() as u32 - 1
-        });
-        self.nodes.push(Node { left, mark });
+    fn note(&mut self, above: Option<Above>, mark: Mark) {
+        let known = above.filter(|above| above.mark == mark).map(|above| above.place);
+        let place = known.unwrap_or_else(|| self.achieved.push(mark));
+        self.places.push(place);
     }
 
     /// Returns 0 where a fact is new among alike states, 1 where a pair is, and 2 otherwise. Where the state before is
@@ -319,6 +343,16 @@ fn set(bits: &mut Bits, place: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn marks_come_back_as_they_were() {
+        let of = |plan, achieved| Mark { plan, achieved };
+        let kept = [of(0, [0; WORDS]), of(NONE, [0; WORDS]), of(7, [0, 5, 0, 0]), of(8, [1, 2, 3, u64::MAX])];
+        let mut marks = Marks::default();
+        let places = kept.map(|mark| marks.push(mark));
+        assert_eq!(places.map(|place| marks.get(place)), kept);
+        assert_eq!(marks.words.len(), 1 + 1 + 3 + 5);
+    }
 
     #[test]
     fn facts_of_a_plan_have_their_places_in_order_in_either_form() {

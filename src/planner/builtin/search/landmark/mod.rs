@@ -5,6 +5,7 @@
 //! operators these are is approximated by relaxed reachability without the landmark (Zhu and Givan 2003 propagate
 //! landmarks over the same graph).
 
+pub(super) mod accepted;
 pub(super) mod back;
 pub(super) mod count;
 pub(super) mod graph;

@@ -3,9 +3,10 @@
 
 use super::super::axiom::Axioms;
 use super::super::lazy::Step;
-use super::super::state::{NO_STATE, Space, StateId};
+use super::super::state::{Space, StateId};
 use super::super::successor::{Generator, apply, holds};
 use super::super::task::{Fact, OperatorId, Task};
+use super::super::ways::Expansions;
 use super::alive::Alive;
 use super::pairs::{Pairs, contains};
 
@@ -18,6 +19,7 @@ pub(super) struct Exhaust<'t> {
     is_deadly: Vec<bool>,
     axioms: Axioms,
     space: Space,
+    expansions: Expansions,
     /// The next state to look at: states have the order in which they were found.
     next: StateId,
     work: u64,
@@ -37,7 +39,7 @@ impl<'t> Exhaust<'t> {
         let mut state = task.init.clone();
         axioms.derive(task, &mut state);
         let mut space = Space::new(task);
-        space.insert(&state, NO_STATE, OperatorId::MAX);
+        space.insert(&state);
         Self {
             task,
             generator: Generator::of(task, operators),
@@ -45,6 +47,7 @@ impl<'t> Exhaust<'t> {
             dead: dead.unwrap_or_else(|| Pairs::none(0)),
             axioms,
             space,
+            expansions: Expansions::default(),
             next: 0,
             work: 0,
             before: state.clone(),
@@ -74,7 +77,7 @@ impl<'t> Exhaust<'t> {
                 return Step::Plan(plan);
             }
             self.next += 1;
-            if self.next.is_multiple_of(256) && self.space.bytes() > memory {
+            if self.next.is_multiple_of(256) && self.space.bytes() + self.expansions.bytes() > memory {
                 return Step::Full;
             }
         }
@@ -84,6 +87,7 @@ impl<'t> Exhaust<'t> {
     fn expand(&mut self, id: StateId) -> Option<Vec<OperatorId>> {
         let task = self.task;
         self.space.state(id, &mut self.before);
+        self.expansions.push(id, self.space.len() as StateId);
         self.applicable.clear();
         self.generator.applicable(task, &self.before, &mut self.applicable);
         self.work += (task.len() / 8 + self.applicable.len() + 8) as u64;
@@ -95,9 +99,9 @@ impl<'t> Exhaust<'t> {
             if is_dead(&self.dead, &self.is_deadly, &self.before[..facts], &self.state[..facts]) {
                 continue;
             }
-            let (child, is_new) = self.space.insert(&self.state, id, *operator);
+            let (child, is_new) = self.space.insert(&self.state);
             if is_new && holds(task, &self.state, &task.goal) {
-                return Some(self.space.plan(child));
+                return Some(self.expansions.plan(task, &self.generator, &self.space, child));
             }
         }
         None
