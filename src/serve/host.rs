@@ -129,6 +129,28 @@ impl<'m> Host<'m> {
         self.wait_until(question, deadline.map(|deadline| (deadline, claim)))
     }
 
+    /// Writes in slices, between which others write, in this thread, as another process would.
+    pub(super) fn write_in_slices(
+        &mut self,
+        ns: &Namespace,
+        deadline: Option<Instant>,
+        work: impl FnOnce(&Memory) -> Answer,
+    ) -> Answer {
+        if self.writes_itself || !self.memory()?.is_current(ns)? {
+            return work(self.memory()?);
+        }
+        // It has its turn behind what waits already, and behind a transaction that is open.
+        self.write(ns.clone(), None, deadline, Box::new(|_| empty()))?;
+        // A snapshot that a cursor reads cannot be written to.
+        let other = Lazy::of_connection(&self.server);
+        let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
+        let answer = work(memory);
+        self.server.clock.wrote();
+        self.server.check_files()?;
+        self.server.hub.call();
+        answer
+    }
+
     /// Gives the writer something to do and waits for its answer.
     pub(super) fn submit(&mut self, job: impl FnOnce(Reply) -> Job) -> Answer {
         let (question, reply) = self.question();

@@ -38,6 +38,8 @@ pub(super) enum Confirmation {
     Own,
     /// Members that there are not.
     Others,
+    /// Members with tags, which there are not.
+    Tags,
     /// Those of a mode (`w: "name"`), of which there is none.
     Mode,
 }
@@ -149,10 +151,23 @@ impl Request {
         self.body.get_document("readConcern").ok()?.get_timestamp("atClusterTime").ok()
     }
 
-    /// The mode of its write concern (`w: "name"`).
-    pub(super) fn mode(&self) -> String {
-        let concern = self.body.get_document("writeConcern");
-        concern.and_then(|concern| concern.get_str("w")).unwrap_or_default().to_owned()
+    /// Why nobody confirms the write as it says, where that is so. An abort writes nothing that could be confirmed.
+    pub(super) fn unconfirmed(&self) -> Option<Failure> {
+        let members = self.body.get_document("writeConcern").ok().and_then(|concern| concern.get("w"));
+        match self.confirmation {
+            _ if self.name == "abortTransaction" => None,
+            Confirmation::None | Confirmation::Own => None,
+            Confirmation::Others => {
+                let message = "Not enough data-bearing nodes: rmem is one member";
+                Some(Failure::new(codes::UNSATISFIABLE_CONCERN, message))
+            }
+            Confirmation::Tags => {
+                let tag = members.and_then(Bson::as_document).and_then(|tags| tags.keys().next());
+                let message = format!("No replica set tag key {} in config", tag.map_or("", String::as_str));
+                Some(Failure::new(codes::NO_SUCH_KEY, message))
+            }
+            Confirmation::Mode => Some(Failure::no_mode(members.and_then(Bson::as_str).unwrap_or_default())),
+        }
     }
 
     /// Whether it is a command of a transaction.
@@ -299,7 +314,7 @@ fn check_members(members: Option<&Bson>) -> Result<Confirmation, Failure> {
                 let message = "the tags of a write concern must be a single level document with only number values";
                 return Err(Failure::new(codes::FAILED_TO_PARSE, message));
             }
-            Ok(Confirmation::Others)
+            Ok(Confirmation::Tags)
         }
         Some(number) => match super::fields::whole(number) {
             Some(0) => Ok(Confirmation::None),

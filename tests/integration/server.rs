@@ -52,7 +52,7 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
         .chain(&watched::CASES)
         .chain(&views::CASES);
     #[cfg(feature = "serve")]
-    let cases = cases.chain(crate::serving::IN_FRONT).chain(crate::serving::BESIDE);
+    let cases = cases.chain(crate::serving::IN_FRONT).chain(crate::serving::BESIDE.into_iter().flatten());
     cases.chain(planning::CASES).chain(&history::CASES).copied()
 }
 

@@ -17,7 +17,7 @@ use crate::serve::request::{Request, namespace};
 use crate::store::{Aggregation, Documents, Namespace, Scope, StoreError};
 
 pub(super) const COMMANDS: &[Command] =
-    &[Command { name: "aggregate", run: Run::Either(writes, read, write), is_open: false, in_transaction: true }];
+    &[Command { name: "aggregate", run: Run::Sliced(writes, read, write), is_open: false, in_transaction: true }];
 
 /// The collection of a pipeline that brings its own documents.
 const NO_COLLECTION: &str = "$cmd.aggregate";

@@ -19,7 +19,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     fields.known(&[&COMMON[..], &["updates", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
     let ordered = is_ordered(call)?;
-    let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
+    let (mut outcome, mut modified, mut upserted, mut unknown) = (Outcome::default(), 0, Vec::new(), None);
     let statements = changes(call, ("updates", "update.updates"))?;
     // A malformed one fails the command before anything is done.
     statements.iter().try_for_each(|statement| statement.flag("multi").map(drop))?;
@@ -38,12 +38,22 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             }
             // Then the whole command is.
             Err(failure) if failure.is_malformed => return Err(failure),
+            // The command fails with it, and what the others do stays.
+            Err(failure) if failure.code == codes::UNKNOWN_STAGE => {
+                unknown.get_or_insert(failure);
+                if ordered {
+                    break;
+                }
+            }
             Err(failure) => {
                 if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }
         }
+    }
+    if let Some(failure) = unknown {
+        return Err(failure.after_the_rest());
     }
     let mut reply = Document::new();
     if !upserted.is_empty() {
@@ -102,10 +112,10 @@ pub(super) fn spec(fields: Fields<'_>, name: &str) -> Result<Option<UpdateSpec>,
     }
 }
 
-/// Refuses a stage that there is not in any pipeline: then the whole command is malformed.
+/// Refuses a stage that there is not in any pipeline.
 fn check_stage(stage: &Document) -> Result<(), Failure> {
     match Pipeline::parse(std::slice::from_ref(stage)) {
-        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(Failure::malformed(error.code, error.message)),
+        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(error.into()),
         _ => Ok(()),
     }
 }

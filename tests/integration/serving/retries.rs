@@ -4,17 +4,15 @@ use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 
 use super::wire::Wire;
-use super::{Case, Served};
+use super::{Beside, Case, Served};
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("statements_that_connections_send_again_at_once_are_done_once_also_after_kills", at_once),
     ("writes_of_which_much_has_to_be_kept_are_done_once", large),
 ];
 
-type Beside = fn(&str) -> Result<(), Failed>;
-
-/// What is compared with the answers of the server at a URI.
-pub(crate) const BESIDE: &[(&str, Beside)] =
+/// What is compared with the answers of a mongod.
+pub(super) const BESIDE: &[(&str, Beside)] =
     &[("serving::retries::statements_that_are_sent_again_are_answered_as_mongod_does", beside)];
 
 /// A collection before the commands of a session, and those.
