@@ -106,7 +106,10 @@ impl<'m> Host<'m> {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
             let _deadline = Deadline::set(deadline);
-            return work(memory);
+            return match &once {
+                Some(once) => self.server.behind.once(once, || work(memory)),
+                None => work(memory),
+            };
         }
         // A snapshot that a cursor reads cannot be written to.
         if deadline.is_none()

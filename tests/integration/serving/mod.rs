@@ -1,6 +1,7 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
 mod clients;
+mod elections;
 pub(crate) mod executive;
 mod failures;
 mod front;
@@ -23,6 +24,7 @@ use std::time::{Duration, Instant};
 use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 
+pub(crate) use elections::KILLERS;
 pub(crate) use front::CASES as IN_FRONT;
 pub(crate) use suites::stop;
 

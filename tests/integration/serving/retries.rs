@@ -124,8 +124,8 @@ fn said(answer: &Document) -> Document {
 }
 
 /// What is answered to the commands of a session, and what is stored then.
-fn outcome(wire: &mut Wire, scenario: &Scenario) -> Result<Vec<Document>, Failed> {
-    let own = |command: Document| with(command, doc! { "$db": "retries" });
+fn outcome(wire: &mut Wire, database: &str, scenario: &Scenario) -> Result<Vec<Document>, Failed> {
+    let own = |command: Document| with(command, doc! { "$db": database });
     wire.run(&own(doc! { "drop": "c" }))?;
     wire.run(&own(doc! { "create": "c" }))?;
     if !scenario.documents.is_empty() {
@@ -145,11 +145,16 @@ fn outcome(wire: &mut Wire, scenario: &Scenario) -> Result<Vec<Document>, Failed
 
 fn beside(mongod: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
-    let served = Served::start(folder.path(), &[])?;
+    compare(mongod, &Served::start(folder.path(), &[])?, "retries")
+}
+
+/// Compares what is served with a mongod, where a database of this name is used.
+pub(super) fn compare(mongod: &str, served: &Served, database: &str) -> Result<(), Failed> {
     let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
     let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
     for scenario in scenarios() {
-        let (expected, found) = (outcome(&mut real, &scenario)?, outcome(&mut own, &scenario)?);
+        let expected = outcome(&mut real, database, &scenario)?;
+        let found = outcome(&mut own, &format!("{database}_served"), &scenario)?;
         for (nth, (expected, found)) in expected.iter().zip(&found).enumerate() {
             assert_eq!(found, expected, "{:?}", scenario.commands.get(nth));
         }
