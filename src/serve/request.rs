@@ -80,11 +80,12 @@ impl Request {
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
         fields.optional_flag("bypassDocumentValidation")?;
-        let limit = fields.size("maxTimeMS")?;
-        if let Some(limit) = limit.filter(|limit| i32::try_from(*limit).is_err()) {
-            return Err(Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range")));
-        }
-        let limit = limit.filter(|limit| *limit > 0).map(Duration::from_millis);
+        let out_of_range =
+            |limit: i64| Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range"));
+        let limit = fields.whole("maxTimeMS")?.filter(|limit| *limit != 0);
+        let millis = |limit: i64| i32::try_from(limit).ok().and_then(|limit| u64::try_from(limit).ok());
+        let limit = limit.map(|limit| millis(limit).ok_or_else(|| out_of_range(limit))).transpose()?;
+        let limit = limit.map(Duration::from_millis);
         Ok(Self { name, database, session, transaction, since: Instant::now(), limit, confirmation, body })
     }
 

@@ -5,7 +5,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use super::definition::{Command, Run, raw};
 use super::statistics;
 use crate::memory::Memory;
-use crate::query::{Origin, Pipeline, QueryError};
+use crate::query::{Description, Origin, Pipeline, QueryError};
 use crate::serve::call::Call;
 use crate::serve::changes::{Spec, Stream};
 use crate::serve::clock;
@@ -166,7 +166,10 @@ fn own_source(
     }
     Ok(Some(match name.as_str() {
         "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
-        "$indexStats" => statistics::indexes(memory, ns)?,
+        "$indexStats" => {
+            Description::parse(&doc! { "$indexStats": argument })?;
+            statistics::indexes(memory, ns)?
+        }
         "$currentOp" => {
             check_current_op(call, ns, argument)?;
             super::server::operations(&host.server)

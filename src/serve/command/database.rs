@@ -20,6 +20,7 @@ pub(super) const COMMANDS: &[Command] =
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["filter", "nameOnly", "authorizedDatabases"])?;
+    fields.boolean("authorizedDatabases")?;
     if call.request.database != "admin" {
         let message = "listDatabases may only be run against the admin database.";
         return Err(Failure::new(codes::UNAUTHORIZED, message));

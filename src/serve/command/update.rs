@@ -22,7 +22,10 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let (mut outcome, mut modified, mut upserted, mut unknown) = (Outcome::default(), 0, Vec::new(), None);
     let statements = changes(call, ("updates", "update.updates"))?;
     // A malformed one fails the command before anything is done.
-    statements.iter().try_for_each(|statement| statement.flag("multi").map(drop))?;
+    statements.iter().try_for_each(|statement| {
+        statement.boolean("multi")?;
+        statement.boolean("upsert").map(drop)
+    })?;
     for (index, statement) in statements.into_iter().enumerate() {
         let updated = match outcome.repeated(call, index) {
             Some(effect) => Ok(effect.updated()?),
@@ -72,14 +75,15 @@ fn update_one(
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
     fields.check_inside(&taken, &["upsertSupplied"])?;
-    check_repeatable(call, fields.flag("multi")?, "multi=true")?;
+    let many = fields.boolean("multi")?.unwrap_or(false);
+    check_repeatable(call, many, "multi=true")?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let mut request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
         update: spec(fields, "u")?.ok_or_else(|| fields.missing("u"))?,
         array_filters: array_filters(fields)?,
-        many: fields.flag("multi")?,
-        upsert: fields.flag("upsert")?,
+        many,
+        upsert: fields.boolean("upsert")?.unwrap_or(false),
         modifiers,
     };
     request.modifiers.variables.extend(constants(fields)?);

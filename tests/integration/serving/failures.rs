@@ -49,6 +49,43 @@ fn commands() -> Vec<Document> {
     ]
 }
 
+/// Commands with values of the wrong type, or out of range.
+fn refused() -> Vec<Document> {
+    let wrong = [Bson::Int32(1), Bson::Int64(1), Bson::Double(1.0), Bson::Null];
+    let update =
+        |more: Document| doc! { "update": "c", "updates": [with(doc! { "q": {}, "u": { "$set": { "n": 1 } } }, more)] };
+    let aggregate = |stage: Document| doc! { "aggregate": "c", "pipeline": [stage], "cursor": {} };
+    let merge = |options: Document| aggregate(doc! { "$merge": with(doc! { "into": "t" }, options) });
+    let of = |value: &Bson| {
+        [
+            doc! { "insert": "c", "documents": [{}], "ordered": value },
+            doc! { "delete": "c", "deletes": [{ "q": { "_id": 9 }, "limit": 1 }], "ordered": value },
+            update(doc! { "multi": value }),
+            update(doc! { "upsert": value }),
+            with(update(doc! {}), doc! { "ordered": value }),
+            doc! { "listCollections": 1, "nameOnly": value },
+            doc! { "listCollections": 1, "authorizedCollections": value },
+            doc! { "find": "c", "singleBatch": value },
+            doc! { "find": "c", "noCursorTimeout": value },
+            doc! { "find": "c", "allowPartialResults": value },
+        ]
+    };
+    let others = [
+        doc! { "count": "c", "limit": true },
+        doc! { "count": "c", "maxTimeMS": -1 },
+        doc! { "find": "c", "maxTimeMS": -1 },
+        aggregate(doc! { "$out": { "db": "admin", "coll": "x" } }),
+        aggregate(doc! { "$merge": { "into": { "db": "admin", "coll": "x" } } }),
+        merge(doc! { "into": { "coll": 1 } }),
+        merge(doc! { "into": { "coll": "x", "db": 1 } }),
+        merge(doc! { "on": [1] }),
+        merge(doc! { "whenNotMatched": 1 }),
+        aggregate(doc! { "$indexStats": { "a": 1 } }),
+    ];
+    let inserted = |command: &Document| command.get("ordered") == Some(&Bson::Null) && command.contains_key("insert");
+    wrong.iter().flat_map(of).chain(others).filter(|command| !inserted(command)).collect()
+}
+
 /// What an answer says of what was done, and of what was not.
 fn said(answer: &Document) -> Document {
     let keys = ["ok", "n", "nModified", "code", "codeName", "dropped", "retriedStmtIds"];
@@ -85,7 +122,7 @@ fn beside(mongod: &str) -> Result<(), Failed> {
     let served = Served::start(folder.path(), &[])?;
     let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
     let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
-    for command in commands() {
+    for command in commands().into_iter().chain(refused()) {
         assert_eq!(outcome(&mut own, &command)?, outcome(&mut real, &command)?, "{command}");
     }
     // Of a database that is not there, nothing is dropped.
