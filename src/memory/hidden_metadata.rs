@@ -36,6 +36,14 @@ pub(in crate::memory) fn in_filter(filter: &Document) -> Document {
     filter.iter().map(condition).collect()
 }
 
+/// Returns a query whose filter does not see the metadata.
+pub(in crate::memory) fn in_filter_of(find: &Find) -> Cow<'_, Find> {
+    match find.filter.keys().any(|key| key.starts_with('$')) {
+        true => Cow::Owned(find.with_filter(in_filter(&find.filter))),
+        false => Cow::Borrowed(find),
+    }
+}
+
 /// Returns a query whose projection does not see the metadata.
 pub(in crate::memory) fn in_find(find: &Find) -> Cow<'_, Find> {
     if find.projection.is_empty() {

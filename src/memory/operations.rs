@@ -1,5 +1,6 @@
 //! The operations, each on the store its namespace belongs to.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -167,9 +168,12 @@ impl Memory {
         }
         let Some(store) = self.routes.existing(ns)? else { return Ok(None) };
         let (start, view) = (Instant::now(), self.computables.view(self.clock.now()));
-        let found = store.find_chosen(ns, &mut || {
+        let found = store.find_chosen(ns, &mut |is_lasting| {
             let is_plain = self.needed(ns, &find.filter)?.is_empty();
-            Ok(is_plain.then(|| find.with_filter(view.filter(&find.filter))))
+            Ok(is_plain.then(|| match is_lasting {
+                true => hidden_metadata::in_filter_of(find),
+                false => Cow::Owned(find.with_filter(view.filter(&find.filter))),
+            }))
         })?;
         let Some(found) = found else { return Ok(None) };
         self.computables.forget_last();

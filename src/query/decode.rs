@@ -38,14 +38,22 @@ fn fields(bytes: &[u8], levels: usize, unread: &str, decoded: &mut Document) -> 
         let element = element?;
         let name = element.name()?;
         let is_read = element.type_code != 0x03 || unread.is_empty() || name != unread;
-        decoded.insert(name, if is_read { value(element, levels)? } else { valid(element.value)? });
+        decoded.insert(name, if is_read { value(element, levels)? } else { valid(element.value, levels - 1)? });
     }
     Some(())
 }
 
-/// Null in place of a valid document.
-fn valid(bytes: &[u8]) -> Option<Bson> {
-    check(RawDocument::from_bytes(bytes).ok()?).ok().map(|()| Bson::Null)
+/// Null in place of a valid document or array of at most so many levels.
+fn valid(bytes: &[u8], levels: usize) -> Option<Bson> {
+    for element in elements(bytes, levels)? {
+        let element = element?;
+        element.name()?;
+        match element.type_code {
+            0x03 | 0x04 => valid(element.value, levels - 1)?,
+            _ => value(element, levels)?,
+        };
+    }
+    Some(Bson::Null)
 }
 
 /// The values of an array of at most so many levels.

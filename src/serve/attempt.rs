@@ -1,13 +1,17 @@
-//! Writes of which, where they fail, nothing is kept.
+//! Writes of which, where they fail, nothing is kept, or what they did before, as they say.
 
-use super::failure::Answer;
+use super::failure::{Answer, is_kept};
 use crate::memory::Memory;
 use crate::store::{Namespace, Undone, as_step};
 
-/// Does something that, where it fails, has done nothing.
+/// Does something that, where it fails, has done nothing, unless it says so.
 pub(super) fn attempt(memory: &Memory, ns: &Namespace, work: impl FnOnce(&Memory) -> Answer) -> Answer {
-    as_step(|step| memory.as_one(ns, step), || work(memory)).map_err(|undone| match undone {
-        Undone::Work(failure) => failure,
-        Undone::Store(error) => error.into(),
-    })
+    let work = || {
+        let answer = work(memory);
+        if is_kept(&answer) { Ok(answer) } else { Err(answer) }
+    };
+    match as_step(|step| memory.as_one(ns, step), work) {
+        Ok(answer) | Err(Undone::Work(answer)) => answer,
+        Err(Undone::Store(error)) => Err(error.into()),
+    }
 }

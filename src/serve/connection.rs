@@ -62,10 +62,8 @@ impl Connection<'_> {
     fn run(&mut self) -> Result<(), WireError> {
         while self.wait()? {
             self.client.is_busy.store(true, Ordering::SeqCst);
-            let bytes = wire::read(&mut self.reader)?;
-            Counters::add(&self.host.server.counters.received, bytes.len());
-            let message = Message::parse(&bytes)?;
-            drop(bytes);
+            let (message, length) = wire::receive(&mut self.reader)?;
+            Counters::add(&self.host.server.counters.received, length);
             let goes_on = self.reply(message)?;
             self.client.is_busy.store(false, Ordering::SeqCst);
             if !goes_on || self.host.server.is_stopping() {

@@ -11,6 +11,7 @@ use crate::store::{StoreError, TakenKey};
 pub(super) mod codes {
     pub(in crate::serve) const INTERNAL: i32 = 1;
     pub(in crate::serve) const BAD_VALUE: i32 = 2;
+    pub(in crate::serve) const NO_SUCH_KEY: i32 = 4;
     pub(in crate::serve) const UNREACHABLE: i32 = 6;
     pub(in crate::serve) const FAILED_TO_PARSE: i32 = 9;
     pub(in crate::serve) const UNAUTHORIZED: i32 = 13;
@@ -76,6 +77,11 @@ pub(super) const RETRYABLE: &str = "RetryableWriteError";
 /// What a command answers.
 pub(super) type Answer = Result<RawDocumentBuf, Failure>;
 
+/// Whether what a command did stays done.
+pub(super) fn is_kept(answer: &Answer) -> bool {
+    answer.as_ref().map_or_else(|failure| failure.is_partial, |_| true)
+}
+
 /// Why a command failed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Failure {
@@ -86,18 +92,32 @@ pub(super) struct Failure {
     pub(super) labels: Vec<&'static str>,
     /// Whether the command is malformed: a field in it is not known, is missing or has a value of the wrong type.
     pub(super) is_malformed: bool,
+    /// Whether what the command did before it failed stays done.
+    pub(super) is_partial: bool,
     /// Further fields of the answer.
     pub(super) details: Box<Document>,
 }
 
 impl Failure {
     pub(super) fn new(code: i32, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), labels: Vec::new(), is_malformed: false, details: Box::default() }
+        Self {
+            code,
+            message: message.into(),
+            labels: Vec::new(),
+            is_malformed: false,
+            is_partial: false,
+            details: Box::default(),
+        }
     }
 
     /// A field of a command is not known, is missing or has a value of the wrong type.
     pub(super) fn malformed(code: i32, message: String) -> Self {
         Self { is_malformed: true, ..Self::new(code, message) }
+    }
+
+    /// The same, where what the command did before stays done.
+    pub(super) fn after_the_rest(self) -> Self {
+        Self { is_partial: true, ..self }
     }
 
     pub(super) fn labeled(mut self, label: &'static str) -> Self {
@@ -163,7 +183,8 @@ impl From<StoreError> for Failure {
         let message = error.to_string();
         match error {
             StoreError::Query(error) => error.into(),
-            StoreError::Stopped { source, .. } | StoreError::Partial { source, .. } => Self::from(*source),
+            StoreError::Stopped { source, .. } => Self::from(*source),
+            StoreError::Partial { source, .. } => Self::from(*source).after_the_rest(),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
             StoreError::Unreachable { may_be_done: true, .. } => Self::new(codes::UNREACHABLE, message),
             StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),

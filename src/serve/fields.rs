@@ -215,6 +215,15 @@ impl<'a> Fields<'a> {
         Ok(self.optional_flag(name)?.unwrap_or(false))
     }
 
+    /// A flag that may be nothing but true or false: no number. Null is none.
+    pub(super) fn boolean(self, name: &str) -> Result<Option<bool>, Failure> {
+        match self.get(name) {
+            None => Ok(None),
+            Some(Bson::Boolean(value)) => Ok(Some(*value)),
+            Some(other) => Err(self.wrong(name, other, "bool")),
+        }
+    }
+
     /// A flag that may be nothing but true or false, where it is given: not null, and no number.
     pub(super) fn strict_flag(self, name: &str) -> Result<bool, Failure> {
         match self.document.get(name) {

@@ -106,7 +106,10 @@ impl<'m> Host<'m> {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
             let _deadline = Deadline::set(deadline);
-            return work(memory);
+            return match &once {
+                Some(once) => self.server.behind.once(once, || work(memory)),
+                None => work(memory),
+            };
         }
         // A snapshot that a cursor reads cannot be written to.
         if deadline.is_none()
@@ -127,6 +130,28 @@ impl<'m> Host<'m> {
         let (question, reply) = self.question();
         self.server.writer.submit_of(self.id, Job::Write { ns, once, work, reply })?;
         self.wait_until(question, deadline.map(|deadline| (deadline, claim)))
+    }
+
+    /// Writes in slices, between which others write, in this thread, as another process would.
+    pub(super) fn write_in_slices(
+        &mut self,
+        ns: &Namespace,
+        deadline: Option<Instant>,
+        work: impl FnOnce(&Memory) -> Answer,
+    ) -> Answer {
+        if self.writes_itself || !self.memory()?.is_current(ns)? {
+            return work(self.memory()?);
+        }
+        // It has its turn behind what waits already, and behind a transaction that is open.
+        self.write(ns.clone(), None, deadline, Box::new(|_| empty()))?;
+        // A snapshot that a cursor reads cannot be written to.
+        let other = Lazy::of_connection(&self.server);
+        let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
+        let answer = work(memory);
+        self.server.clock.wrote();
+        self.server.check_files()?;
+        self.server.hub.call();
+        answer
     }
 
     /// Gives the writer something to do and waits for its answer.

@@ -13,6 +13,7 @@ mod access;
 mod address;
 mod attempt;
 mod auth;
+mod behind;
 mod call;
 mod changes;
 mod client;

@@ -66,11 +66,12 @@ impl Request {
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
         fields.optional_flag("bypassDocumentValidation")?;
-        let limit = fields.size("maxTimeMS")?;
-        if let Some(limit) = limit.filter(|limit| i32::try_from(*limit).is_err()) {
-            return Err(Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range")));
-        }
-        let limit = limit.filter(|limit| *limit > 0).map(Duration::from_millis);
+        let out_of_range =
+            |limit: i64| Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range"));
+        let limit = fields.whole("maxTimeMS")?.filter(|limit| *limit != 0);
+        let millis = |limit: i64| i32::try_from(limit).ok().and_then(|limit| u64::try_from(limit).ok());
+        let limit = limit.map(|limit| millis(limit).ok_or_else(|| out_of_range(limit))).transpose()?;
+        let limit = limit.map(Duration::from_millis);
         Ok(Self { name, database, session, transaction, since: Instant::now(), limit, write_concern, body })
     }
 
@@ -137,9 +138,28 @@ impl Request {
         self.body.get_document("readConcern").ok()?.get_timestamp("atClusterTime").ok()
     }
 
-    /// Which members have to have what it writes before that is acknowledged.
-    pub(super) fn acknowledgment(&self) -> Acknowledgment {
-        self.write_concern.as_ref().map_or(Acknowledgment::Usual, |concern| concern.acknowledgment.clone())
+    /// Whether the client is told nothing of what is written.
+    pub(super) fn is_unacknowledged(&self) -> bool {
+        let concern = self.write_concern.as_ref().map(|concern| &concern.acknowledgment);
+        concern == Some(&Acknowledgment::Unacknowledged) && self.name != "abortTransaction"
+    }
+
+    /// Why its write concern cannot be met, where that is so. An abort writes nothing that could be acknowledged.
+    pub(super) fn unmet_concern(&self) -> Option<Failure> {
+        let concern = self.write_concern.as_ref().filter(|_| self.name != "abortTransaction")?;
+        match &concern.acknowledgment {
+            Acknowledgment::Unacknowledged | Acknowledgment::Usual => None,
+            Acknowledgment::Several => {
+                let message = "Not enough data-bearing nodes: rmem is one member";
+                Some(Failure::new(codes::UNSATISFIABLE_CONCERN, message))
+            }
+            Acknowledgment::Tagged => {
+                let tag = concern.document.get_document("w").ok().and_then(|tags| tags.keys().next());
+                let message = format!("No replica set tag key {} in config", tag.map_or("", String::as_str));
+                Some(Failure::new(codes::NO_SUCH_KEY, message))
+            }
+            Acknowledgment::Mode(mode) => Some(Failure::no_mode(mode)),
+        }
     }
 
     /// Whether it is a command of a transaction.
@@ -326,9 +346,9 @@ mod tests {
         assert_eq!(code(not), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "past" } }), codes::BAD_VALUE);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
-        assert_eq!(others.acknowledgment(), Acknowledgment::Several);
+        assert_eq!(others.write_concern.unwrap().acknowledgment, Acknowledgment::Several);
         let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();
-        assert_eq!(mode.acknowledgment(), Acknowledgment::Mode("far".to_owned()));
+        assert_eq!(mode.write_concern.unwrap().acknowledgment, Acknowledgment::Mode("far".to_owned()));
         assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
         let both = doc! { "j": true, "fsync": true };
@@ -345,11 +365,11 @@ mod tests {
         assert_eq!(concern(doc! { "provenance": "clientSupplied" }), 0);
         assert_eq!(concern(doc! { "provenance": "far" }), codes::BAD_VALUE);
         let none = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0.5 } }).unwrap();
-        assert_eq!(none.acknowledgment(), Acknowledgment::Unacknowledged);
+        assert_eq!(none.write_concern.unwrap().acknowledgment, Acknowledgment::Unacknowledged);
         let journaled = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0, "j": true } }).unwrap();
-        assert_eq!(journaled.acknowledgment(), Acknowledgment::Usual);
+        assert_eq!(journaled.write_concern.unwrap().acknowledgment, Acknowledgment::Usual);
         let tagged = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": { "place": 2 } } }).unwrap();
-        assert_eq!(tagged.acknowledgment(), Acknowledgment::Tagged);
+        assert_eq!(tagged.write_concern.unwrap().acknowledgment, Acknowledgment::Tagged);
     }
 
     #[test]

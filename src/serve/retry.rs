@@ -85,7 +85,8 @@ fn kept(memory: &Memory, ns: &Namespace, id: Bson) -> Result<Option<Document>, F
     Ok(found.map(|raw| Document::try_from(&*raw)).transpose()?)
 }
 
-fn too_old(once: &Once, last: i64) -> Failure {
+/// The failure of a write whose session has done a later one.
+pub(super) fn too_old(once: &Once, last: i64) -> Failure {
     let message = format!(
         "Retryable write with txnNumber {} is prohibited on session {} because a newer retryable write with txnNumber {last} has already started on this session.",
         once.number, once.session

@@ -11,6 +11,7 @@ use bson::DateTime;
 
 use super::access::Metadata;
 use super::auth::Users;
+use super::behind::Behind;
 use super::changes::Scopes;
 use super::clock::Clock;
 use super::cursor::Cursors;
@@ -60,6 +61,7 @@ pub struct Server {
     pub(super) hub: Hub,
     pub(super) scopes: Scopes,
     pub(super) sessions: Sessions,
+    pub(super) behind: Behind,
     pub(super) readings: Readings,
     pub(super) clock: Clock,
     pub(super) turns: Turns,
@@ -102,6 +104,7 @@ impl Server {
             hub: Hub::default(),
             scopes: Scopes::default(),
             sessions: Sessions::default(),
+            behind: Behind::default(),
             readings: Readings::default(),
             clock: Clock::default(),
             turns: Turns::default(),

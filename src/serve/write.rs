@@ -1,7 +1,7 @@
-//! One write: done once, however often it is sent, and where it fails, it has done nothing.
+//! One write: done once, however often it is sent, and where it fails, it has done nothing, unless it says so.
 
 use super::attempt::attempt;
-use super::failure::Answer;
+use super::failure::{Answer, is_kept};
 use super::panic;
 use super::retry;
 use super::server::Server;
@@ -37,13 +37,18 @@ pub(super) fn step(
         retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?;
     }
     let answer = attempt(memory, ns, |memory| {
-        let answer = panic::caught(|| work(memory))?;
-        repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
-        Ok(answer)
-    })?;
+        let answer = panic::caught(|| work(memory));
+        if is_kept(&answer) {
+            repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
+        }
+        answer
+    });
+    if !is_kept(&answer) {
+        return answer;
+    }
     server.clock.wrote();
     if let Some(Repeatable { once: Once { session, number }, .. }) = repeatable {
         server.sessions.finish(&session, Finished::write(number));
     }
-    Ok(answer)
+    answer
 }

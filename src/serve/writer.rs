@@ -134,6 +134,7 @@ impl WriterContext<'_> {
     /// Lets go of what is too old.
     fn look_after(&mut self) {
         self.server.sessions.forget(SESSION_TIMEOUT);
+        self.server.behind.forget(SESSION_TIMEOUT);
         if self.server.check_files().is_err() {
             return self.fold();
         }

@@ -45,6 +45,7 @@ pub use uri::{Role, StoreUri, UriError, open};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope, Since};
 pub use write_concern::{Acknowledgment, WriteConcern};
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -59,6 +60,9 @@ pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreErr
 /// Values that were found, which need the store no more.
 pub type Values = Box<dyn Iterator<Item = Result<Bson, StoreError>>>;
 
+/// Chooses a query for [`Store::find_chosen`].
+pub type Choose<'c, 'f> = &'c mut dyn FnMut(bool) -> Result<Option<Cow<'f, Find>>, StoreError>;
+
 /// What a memory needs of a database. Implementations are used from one thread
 /// at a time, but several processes may use one database at once.
 pub trait Store: Send {
@@ -72,13 +76,10 @@ pub trait Store: Send {
     fn find(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError>;
 
     /// [`Store::find`] of the query that `choose` gives, where it gives one. What `choose` reads of the store and the first of
-    /// the documents are read at one moment, where the store can; `choose` writes nothing.
-    fn find_chosen(
-        &self,
-        ns: &Namespace,
-        choose: &mut dyn FnMut() -> Result<Option<Find>, StoreError>,
-    ) -> Result<Option<Documents<'_>>, StoreError> {
-        choose()?.map(|find| self.find(ns, &find)).transpose()
+    /// the documents are read at one moment, where the store can; `choose` writes nothing. It is told whether all documents of
+    /// the collection are known to be lasting: none decays, and none was computed.
+    fn find_chosen<'f>(&self, ns: &Namespace, choose: Choose<'_, 'f>) -> Result<Option<Documents<'_>>, StoreError> {
+        choose(false)?.map(|find| self.find(ns, &find)).transpose()
     }
 
     /// Answers a query to say how: `{index, keys, bounds}` of the index that is

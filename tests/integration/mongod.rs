@@ -129,6 +129,35 @@ impl Mongod {
         Ok(server)
     }
 
+    /// Starts three members of a replica set whose elections take a second or two; gives the address of the set, too.
+    pub(crate) fn members(program: &Path) -> Result<(Vec<Self>, String), String> {
+        let members =
+            (0..3).map(|_| Self::launch(program, &["--replSet", "test"], "")).collect::<Result<Vec<_>, _>>()?;
+        let hosts: Vec<String> = members.iter().map(Self::host).collect();
+        let each = hosts.iter().zip(0..).map(|(host, id)| doc! { "_id": id, "host": host });
+        let settings = doc! { "electionTimeoutMillis": 1_000, "heartbeatIntervalMillis": 200 };
+        let config = doc! { "_id": "test", "members": each.collect::<Vec<_>>(), "settings": settings };
+        // They refuse it while one is still starting.
+        let first = members.first().map_or(0, |first| first.port);
+        let admin = admin(first)?;
+        wait(first, |hello| {
+            if !hello.contains_key("setName") {
+                let _ = admin.run_command(doc! { "replSetInitiate": config.clone() }).run();
+            }
+            hello.contains_key("primary")
+        })?;
+        let is_ready = |hello: &Document| {
+            ["secondary", "isWritablePrimary"].iter().any(|role| hello.get_bool(role).is_ok_and(|is_so| is_so))
+        };
+        members.iter().try_for_each(|member| wait(member.port, is_ready))?;
+        Ok((members, format!("mongodb://{}/?replicaSet=test", hosts.join(","))))
+    }
+
+    /// `host:port`
+    pub(crate) fn host(&self) -> String {
+        format!("127.0.0.1:{}", self.port)
+    }
+
     /// Starts a server that is no member of a replica set, with some options.
     pub(crate) fn alone(program: &Path, options: &[&str]) -> Result<Self, String> {
         let server = Self::launch(program, options, "")?;
@@ -217,7 +246,8 @@ fn initiate(port: u16) -> Result<(), String> {
     })
 }
 
-fn admin(port: u16) -> Result<Database, String> {
+/// The database of a server for commands about it.
+pub(crate) fn admin(port: u16) -> Result<Database, String> {
     let direct = format!("mongodb://127.0.0.1:{port}/?directConnection=true&serverSelectionTimeoutMS=2000");
     Ok(Client::with_uri_str(direct).map_err(|error| error.to_string())?.database("admin"))
 }

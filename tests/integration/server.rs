@@ -33,7 +33,7 @@ const LOST: &str = "mongodb::an_operation_on_a_server_that_falls_silent_ends";
 pub(crate) fn names() -> Vec<String> {
     let mut names = contract::names(PREFIX);
     names.extend(cases().map(|(name, _)| name.to_owned()));
-    names.extend(triggers::KILLERS.iter().map(|(name, _)| (*name).to_owned()));
+    names.extend(killers().map(|(name, _)| name.to_owned()));
     names.extend(computables::names(COMPUTABLES));
     names.extend([ANOTHER, LOST, DECIDING, watched::LATENCY].map(str::to_owned));
     names
@@ -52,8 +52,18 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
         .chain(&watched::CASES)
         .chain(&views::CASES);
     #[cfg(feature = "serve")]
-    let cases = cases.chain(crate::serving::IN_FRONT).chain(crate::serving::BESIDE);
+    let cases = cases.chain(crate::serving::IN_FRONT).chain(crate::serving::BESIDE.into_iter().flatten());
     cases.chain(planning::CASES).chain(&history::CASES).copied()
+}
+
+type Killer = fn(&Path) -> Result<(), Failed>;
+
+/// What is tried on servers of its own, which are killed.
+fn killers() -> impl Iterator<Item = (&'static str, Killer)> {
+    let killers = triggers::KILLERS.iter();
+    #[cfg(feature = "serve")]
+    let killers = killers.chain(crate::serving::KILLERS);
+    killers.copied()
 }
 
 /// The tests; those that need a server are ignored where there is no program.
@@ -67,9 +77,9 @@ pub(crate) fn trials(program: Option<PathBuf>) -> Vec<Trial> {
         let program = program.clone();
         Trial::test(name, move || case(&uri(program.as_deref().ok_or("there is no mongod")?)?))
     });
-    let killers = triggers::KILLERS.iter().map(|(name, killer)| {
+    let killers = killers().map(|(name, killer)| {
         let program = program.clone();
-        Trial::test(*name, move || killer(program.as_deref().ok_or("there is no mongod")?))
+        Trial::test(name, move || killer(program.as_deref().ok_or("there is no mongod")?))
     });
     let mut trials: Vec<_> = cases.chain(killers).collect();
     let (server, other, third) = (program.clone(), program.clone(), program.clone());

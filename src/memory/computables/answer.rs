@@ -206,7 +206,7 @@ impl Memory {
     /// The state of the store of a collection, where it knows that.
     fn state(&self, ns: &Namespace) -> Result<Option<(i64, u64)>, StoreError> {
         let (store, mut state) = (self.routes.reading(ns)?, None);
-        store.find_chosen(ns, &mut || {
+        store.find_chosen(ns, &mut |_| {
             state = store.state();
             Ok(None)
         })?;

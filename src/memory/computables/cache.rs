@@ -9,6 +9,7 @@
 
 use bson::oid::ObjectId;
 use bson::{Bson, DateTime, Document, doc};
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::time::Duration;
 
@@ -132,9 +133,9 @@ impl<'a> Entry<'a> {
     /// [`CLOCK_SKEW`], was written under another clock, and does not count.
     pub(super) fn state(&self, now: DateTime, cache: Duration) -> Result<State, StoreError> {
         let find = Find { filter: doc! { "_id": &self.key }, ..Find::default() };
-        let found = self.store.find_chosen(&self.records, &mut || {
+        let found = self.store.find_chosen(&self.records, &mut |_| {
             self.seen.set(self.store.state());
-            Ok(Some(find.clone()))
+            Ok(Some(Cow::Borrowed(&find)))
         })?;
         let found = found.and_then(|mut found| found.next()).transpose()?;
         let Some(found) = found else { return Ok(State::Stale(None)) };

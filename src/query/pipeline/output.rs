@@ -104,7 +104,8 @@ fn place(stage: &str, value: &Bson) -> Result<Origin> {
     }
     if let Some(database) = &place.database {
         if matches!(database.as_str(), "admin" | "local" | "config") {
-            return Err(QueryError::invalid(31_320, format!("cannot {stage} to internal database: {database}")));
+            let code = if stage == "$out" { 31_321 } else { 31_320 };
+            return Err(QueryError::invalid(code, format!("cannot {stage} to internal database: {database}")));
         }
         if database.is_empty() || database.len() > 63 || database.contains(|c| "/\\. \"$*<>:|?\0".contains(c)) {
             return Err(QueryError::invalid(73, format!("'{database}' is not a name for a database")));
@@ -138,6 +139,11 @@ impl Merge {
                     merge.into = match value {
                         Bson::Document(fields) if fields.keys().any(|name| name != "db" && name != "coll") => {
                             return Err(QueryError::invalid(40_415, "'into' has an unknown field"));
+                        }
+                        Bson::Document(fields)
+                            if fields.values().any(|name| !matches!(name, Bson::String(_) | Bson::Null)) =>
+                        {
+                            return Err(QueryError::type_mismatch("'db' and 'coll' of 'into' must be strings"));
                         }
                         Bson::Document(fields)
                             if matches!(fields.get("db"), None | Some(Bson::Null))
@@ -181,12 +187,15 @@ impl Merge {
 }
 
 fn fields(value: &Bson) -> Result<Vec<String>> {
-    let wrong = || QueryError::invalid(51_186, "$merge 'on' must be a string or an array of different strings");
+    let message = "$merge 'on' must be a string or an array of different strings";
+    let wrong = || QueryError::invalid(51_186, message);
+    let no_string = || QueryError::invalid(51_134, message);
     let fields = match value {
         Bson::String(name) => vec![name.clone()],
-        Bson::Array(items) if !items.is_empty() => {
-            items.iter().map(|item| item.as_str().map(str::to_owned).ok_or_else(wrong)).collect::<Result<Vec<_>>>()?
-        }
+        Bson::Array(items) if !items.is_empty() => items
+            .iter()
+            .map(|item| item.as_str().map(str::to_owned).ok_or_else(no_string))
+            .collect::<Result<Vec<_>>>()?,
         _ => return Err(wrong()),
     };
     let mut sorted = fields.clone();
@@ -217,7 +226,8 @@ fn not_matched(value: &Bson) -> Result<WhenNotMatched> {
         Some("insert") => Ok(WhenNotMatched::Insert),
         Some("discard") => Ok(WhenNotMatched::Discard),
         Some("fail") => Ok(WhenNotMatched::Fail),
-        _ => Err(QueryError::bad_value("whenNotMatched must be insert, discard or fail")),
+        Some(_) => Err(QueryError::bad_value("whenNotMatched must be insert, discard or fail")),
+        None => Err(QueryError::type_mismatch("whenNotMatched must be a string")),
     }
 }
 

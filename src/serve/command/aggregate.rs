@@ -5,7 +5,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use super::definition::{Command, Run, raw};
 use super::statistics;
 use crate::memory::Memory;
-use crate::query::{Origin, Pipeline, QueryError};
+use crate::query::{Description, Origin, Pipeline, QueryError};
 use crate::serve::call::Call;
 use crate::serve::changes::{Spec, Stream};
 use crate::serve::clock;
@@ -17,7 +17,7 @@ use crate::serve::request::{Request, namespace};
 use crate::store::{Aggregation, Documents, Namespace, Scope, StoreError};
 
 pub(super) const COMMANDS: &[Command] =
-    &[Command { name: "aggregate", run: Run::Either(writes, read, write), is_open: false, in_transaction: true }];
+    &[Command { name: "aggregate", run: Run::Sliced(writes, read, write), is_open: false, in_transaction: true }];
 
 /// The collection of a pipeline that brings its own documents.
 const NO_COLLECTION: &str = "$cmd.aggregate";
@@ -166,7 +166,10 @@ fn own_source(
     }
     Ok(Some(match name.as_str() {
         "$collStats" => vec![statistics::stage(memory, call, ns, argument)?],
-        "$indexStats" => statistics::indexes(memory, ns)?,
+        "$indexStats" => {
+            Description::parse(&doc! { "$indexStats": argument })?;
+            statistics::indexes(memory, ns)?
+        }
         "$currentOp" => {
             check_current_op(call, ns, argument)?;
             super::server::operations(&host.server)

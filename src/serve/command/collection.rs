@@ -142,7 +142,9 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["filter", "nameOnly", "authorizedCollections", "cursor"])?;
     let database = namespace(&call.request.database, "x")?.database;
-    let (filter, name_only) = (Filter::parse(&fields.document_or_empty("filter")?)?, fields.flag("nameOnly")?);
+    fields.boolean("authorizedCollections")?;
+    let name_only = fields.boolean("nameOnly")?.unwrap_or(false);
+    let filter = Filter::parse(&fields.document_or_empty("filter")?)?;
     let mut documents = Vec::new();
     let memory = host.memory()?;
     let mut names = call.access(memory).collections()?;

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc, rawdoc};
 
 use super::definition::{Command, raw};
 use super::statistics;
 use crate::memory::Memory;
 use crate::query::Filter;
+use crate::serve::access::RECORDS;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::host::Host;
+use crate::serve::host::{Host, empty};
 use crate::store::Namespace;
 
 pub(super) const COMMANDS: &[Command] =
@@ -19,6 +20,7 @@ pub(super) const COMMANDS: &[Command] =
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["filter", "nameOnly", "authorizedDatabases"])?;
+    fields.boolean("authorizedDatabases")?;
     if call.request.database != "admin" {
         let message = "listDatabases may only be run against the admin database.";
         return Err(Failure::new(codes::UNAUTHORIZED, message));
@@ -58,10 +60,22 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     for ns in &all {
         call.access(memory).drop(ns)?;
     }
-    let mut reply = Document::new();
-    if !all.is_empty() {
-        memory.note_dropped(&call.request.database)?;
-        reply.insert("dropped", &call.request.database);
+    let Some(ns) = all.first() else { return empty() };
+    memory.note_dropped(&call.request.database)?;
+    match call.request.unmet_concern() {
+        Some(failure) if memory.is_current(ns)? => Err(unconfirmed(&call.request.database, &all, &failure)),
+        _ => empty(),
     }
-    raw(&reply)
+}
+
+/// The failure of a command that has dropped collections, which nobody confirms: it fails as a whole, on MongoDB too.
+fn unconfirmed(database: &str, dropped: &[Namespace], failure: &Failure) -> Failure {
+    let count = dropped.iter().filter(|ns| ns.collection != RECORDS).count();
+    let message = format!(
+        "dropDatabase {database} failed waiting for {count} collection drop(s) to replicate. :: caused by :: {}",
+        failure.message
+    );
+    let details = rawdoc! { "writeConcernError": failure.concern_error() };
+    let details = Box::new(Document::try_from(&*details).unwrap_or_default());
+    Failure { details, ..Failure::new(failure.code, message) }.after_the_rest()
 }

@@ -31,6 +31,8 @@ pub(super) enum Run {
     Write(fn(&Memory, &Call) -> Answer),
     /// One or the other, as the first function says.
     Either(fn(&Request) -> bool, for<'h, 'm> fn(&'h mut Host<'m>, &Call) -> Answer, fn(&Memory, &Call) -> Answer),
+    /// The same, but where it writes, it does so in slices that let others write in between.
+    Sliced(fn(&Request) -> bool, for<'h, 'm> fn(&'h mut Host<'m>, &Call) -> Answer, fn(&Memory, &Call) -> Answer),
 }
 
 impl Command {
@@ -51,7 +53,7 @@ impl Command {
         match self.run {
             Run::Here(_) | Run::Read(_) => false,
             Run::Write(_) => true,
-            Run::Either(writes, ..) => writes(request),
+            Run::Either(writes, ..) | Run::Sliced(writes, ..) => writes(request),
         }
     }
 

@@ -45,8 +45,8 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let limit = find.limit;
     let batch = FirstBatch {
         size: fields.size("batchSize")?,
-        is_only: fields.flag("singleBatch")?,
-        never_expires: fields.flag("noCursorTimeout")?,
+        is_only: fields.strict_flag("singleBatch")?,
+        never_expires: fields.strict_flag("noCursorTimeout")?,
     };
     // One batch, of as many as there may be.
     let size = if batch.is_only && limit > 0 { Some(limit.min(batch.size.unwrap_or(limit))) } else { batch.size };
@@ -59,6 +59,7 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
 pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
     fields.check(&TAKEN, &REFUSED)?;
     fields.strict_flag("allowDiskUse")?;
+    fields.strict_flag("allowPartialResults")?;
     for name in ["filter", "sort", "projection"] {
         fields.refuse_null(name)?;
     }
@@ -75,7 +76,11 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
 
 /// At most so many documents are counted; of a negative number, only the size matters.
 fn limit(fields: Fields<'_>) -> Result<u64, Failure> {
-    let limit = fields.whole("limit")?.unwrap_or(0);
+    let limit = match fields.document.get("limit") {
+        None | Some(Bson::Null) => 0,
+        Some(given) => crate::serve::fields::whole(given)
+            .ok_or_else(|| Failure::new(codes::BAD_VALUE, format!("the limit is no number: {given}")))?,
+    };
     if limit == i64::MIN {
         return Err(Failure::new(codes::BAD_VALUE, "the limit is too small"));
     }
@@ -99,8 +104,8 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
 
 /// Refuses a limit of `count` that is not whole: there, MongoDB does not round it.
 fn check_limit(fields: Fields<'_>) -> Result<(), Failure> {
-    let (given, whole) = (fields.document.get("limit"), fields.whole("limit")?);
-    match given.zip(whole) {
+    let given = fields.document.get("limit");
+    match given.zip(given.and_then(crate::serve::fields::whole)) {
         Some((given, whole)) if !crate::query::compare_values(given, &Bson::Int64(whole)).is_eq() => {
             Err(Failure::new(codes::FAILED_TO_PARSE, format!("Expected an integer: limit: {given}")))
         }

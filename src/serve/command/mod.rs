@@ -47,7 +47,7 @@ use super::statements::{Repeatable, Statements};
 use super::wire::Form;
 use crate::deadline::Deadline;
 use crate::memory::Memory;
-use crate::store::{Acknowledgment, Namespace};
+use crate::store::Namespace;
 use definition::{Command, Run, raw};
 
 /// All groups.
@@ -85,28 +85,21 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
     let request = Request::read(body)?;
-    // An abort writes nothing that could be acknowledged.
-    let acknowledgment = match request.name.as_str() {
-        "abortTransaction" => Acknowledgment::Usual,
-        _ => request.acknowledgment(),
-    };
-    let ns = home(&request);
+    let (is_unacknowledged, failure) = (request.is_unacknowledged(), request.unmet_concern());
+    let ns = failure.as_ref().map(|_| home(&request));
     let unacknowledged = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
         _ => None,
     };
     let mut reply = dispatch(host, client, request, form)?;
-    let failure = match acknowledgment {
-        Acknowledgment::Unacknowledged => return Ok(unacknowledged.unwrap_or(reply)),
-        Acknowledgment::Usual => return Ok(reply),
-        Acknowledgment::Mode(mode) => Failure::no_mode(&mode),
-        Acknowledgment::Several | Acknowledgment::Tagged => {
-            Failure::new(codes::UNSATISFIABLE_CONCERN, "Not enough data-bearing nodes: rmem is one member")
-        }
-    };
+    if let Some(unacknowledged) = unacknowledged.filter(|_| is_unacknowledged) {
+        return Ok(unacknowledged);
+    }
     // A MongoDB server was asked itself.
-    if host.memory()?.is_current(&ns)? {
+    if let Some((failure, ns)) = failure.zip(ns)
+        && host.memory()?.is_current(&ns)?
+    {
         reply.append(cstr!("writeConcernError"), failure.concern_error());
     }
     Ok(reply)
@@ -142,8 +135,9 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     match command.run {
         Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, &call),
-        Run::Either(writes, read, _) if !writes(&call.request) => read(host, &call),
+        Run::Either(writes, read, _) | Run::Sliced(writes, read, _) if !writes(&call.request) => read(host, &call),
         Run::Write(run) | Run::Either(_, _, run) => write(host, run, call),
+        Run::Sliced(_, _, run) => write_in_slices(host, run, &call),
     }
 }
 
@@ -167,12 +161,30 @@ fn check_number(command: &Command, request: &Request) -> Result<(), Failure> {
     }
 }
 
+/// Refuses to write where the memory is served read-only.
+fn check_writable(host: &Host<'_>, request: &Request) -> Result<(), Failure> {
+    match host.server.options.read_only {
+        true => {
+            let message = format!("{}: this memory is served read-only", request.name);
+            Err(Failure::new(codes::ILLEGAL, message))
+        }
+        false => Ok(()),
+    }
+}
+
+/// Writes in slices, between which others write.
+fn write_in_slices(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: &Call) -> Answer {
+    check_writable(host, &call.request)?;
+    let ns = home(&call.request);
+    host.write_in_slices(&ns, call.request.deadline(), |memory| {
+        memory.sign(&call.author);
+        confirmed(memory, &ns, &call.request, |memory| run(memory, call))
+    })
+}
+
 /// Has something written; once, where the command has a number.
 fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call) -> Answer {
-    if host.server.options.read_only {
-        let message = format!("{}: this memory is served read-only", call.request.name);
-        return Err(Failure::new(codes::ILLEGAL, message));
-    }
+    check_writable(host, &call.request)?;
     let once = match (&call.request.session, call.request.transaction) {
         (Some(session), Some(part)) => Some(Once { session: session.clone(), number: part.number }),
         _ => None,
@@ -332,14 +344,14 @@ pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
     let Some(command) = find(&call.request.name) else { return Err(unknown(&call.request)) };
     let _deadline = Deadline::set(call.request.deadline());
     let is_writing = command.is_writing(&call.request);
-    if is_writing && host.server.options.read_only {
-        return Err(Failure::new(codes::ILLEGAL, "this memory is served read-only"));
+    if is_writing {
+        check_writable(host, &call.request)?;
     }
     match command.run {
         Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, call),
-        Run::Either(_, run, _) if !is_writing => run(host, call),
-        Run::Write(run) | Run::Either(_, _, run) => {
+        Run::Either(_, run, _) | Run::Sliced(_, run, _) if !is_writing => run(host, call),
+        Run::Write(run) | Run::Either(_, _, run) | Run::Sliced(_, _, run) => {
             let memory = host.memory()?;
             memory.sign(&call.author);
             attempt(memory, &home(&call.request), |memory| run(memory, call))

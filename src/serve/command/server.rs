@@ -100,7 +100,10 @@ fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
         Some(Bson::String(name)) if ["global", "startupWarnings"].contains(&name.as_str()) => {
             raw(&doc! { "totalLinesWritten": 0, "log": Bson::Array(Vec::new()) })
         }
-        _ => Err(Failure::new(codes::ILLEGAL, "no log of that name; there are global and startupWarnings")),
+        Some(Bson::String(_)) => {
+            Err(Failure::new(codes::ILLEGAL, "no log of that name; there are global and startupWarnings"))
+        }
+        _ => Err(Failure::new(codes::TYPE_MISMATCH, "getLog needs the name of a log")),
     }
 }
 

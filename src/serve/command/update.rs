@@ -19,10 +19,13 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     fields.known(&[&COMMON[..], &["updates", "let"]].concat())?;
     let variables = fields.document_or_empty("let")?;
     let ordered = is_ordered(call)?;
-    let (mut outcome, mut modified, mut upserted) = (Outcome::default(), 0, Vec::new());
+    let (mut outcome, mut modified, mut upserted, mut unknown) = (Outcome::default(), 0, Vec::new(), None);
     let statements = changes(call, ("updates", "update.updates"))?;
     // A malformed one fails the command before anything is done.
-    statements.iter().try_for_each(|statement| statement.flag("multi").map(drop))?;
+    statements.iter().try_for_each(|statement| {
+        statement.boolean("multi")?;
+        statement.boolean("upsert").map(drop)
+    })?;
     for (index, statement) in statements.into_iter().enumerate() {
         let updated = match outcome.repeated(call, index) {
             Some(effect) => Ok(effect.updated()?),
@@ -38,12 +41,22 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             }
             // Then the whole command is.
             Err(failure) if failure.is_malformed => return Err(failure),
+            // The command fails with it, and what the others do stays.
+            Err(failure) if failure.code == codes::UNKNOWN_STAGE => {
+                unknown.get_or_insert(failure);
+                if ordered {
+                    break;
+                }
+            }
             Err(failure) => {
                 if !outcome.fail(index, failure, ordered)? {
                     break;
                 }
             }
         }
+    }
+    if let Some(failure) = unknown {
+        return Err(failure.after_the_rest());
     }
     let mut reply = Document::new();
     if !upserted.is_empty() {
@@ -62,14 +75,15 @@ fn update_one(
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
     fields.check_inside(&taken, &["upsertSupplied"])?;
-    check_repeatable(call, fields.flag("multi")?, "multi=true")?;
+    let many = fields.boolean("multi")?.unwrap_or(false);
+    check_repeatable(call, many, "multi=true")?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
     let mut request = UpdateRequest {
         filter: fields.document("q")?.cloned().ok_or_else(|| fields.missing("q"))?,
         update: spec(fields, "u")?.ok_or_else(|| fields.missing("u"))?,
         array_filters: array_filters(fields)?,
-        many: fields.flag("multi")?,
-        upsert: fields.flag("upsert")?,
+        many,
+        upsert: fields.boolean("upsert")?.unwrap_or(false),
         modifiers,
     };
     request.modifiers.variables.extend(constants(fields)?);
@@ -102,10 +116,10 @@ pub(super) fn spec(fields: Fields<'_>, name: &str) -> Result<Option<UpdateSpec>,
     }
 }
 
-/// Refuses a stage that there is not in any pipeline: then the whole command is malformed.
+/// Refuses a stage that there is not in any pipeline.
 fn check_stage(stage: &Document) -> Result<(), Failure> {
     match Pipeline::parse(std::slice::from_ref(stage)) {
-        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(Failure::malformed(error.code, error.message)),
+        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(error.into()),
         _ => Ok(()),
     }
 }

@@ -54,7 +54,7 @@ impl Outcome {
 
 /// Whether a statement that fails keeps those behind it from being done; in a transaction it does so always.
 pub(super) fn is_ordered(call: &Call) -> Result<bool, Failure> {
-    let asked = call.request.fields().optional_flag("ordered")?.unwrap_or(true);
+    let asked = call.request.fields().boolean("ordered")?.unwrap_or(true);
     Ok(asked || call.request.is_in_transaction())
 }
 

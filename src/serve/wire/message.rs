@@ -1,6 +1,6 @@
 //! What clients send: a command, as OP_MSG or OP_QUERY.
 
-use std::io::Read;
+use std::io::{BufRead as _, BufReader, Read};
 
 use bson::{Bson, Document, RawDocument};
 
@@ -44,11 +44,28 @@ pub struct Message {
     pub command: Result<Document, QueryError>,
 }
 
-/// Reads the bytes of a message, header included. There has to be at least one byte.
+/// Reads a message; gives its length, too. There has to be at least one byte.
+///
+/// # Errors
+/// Where the bytes are no message that a client may send, or the connection ends within it.
+pub(in crate::serve) fn receive(reader: &mut BufReader<impl Read>) -> Result<(Message, usize), WireError> {
+    // Nearly all have come as a whole, and are read where they are.
+    let come = reader.buffer();
+    let length = Bytes(come).length().ok().filter(|length| *length >= HEADER);
+    if let Some(whole) = length.and_then(|length| come.get(..length)) {
+        let (message, length) = (Message::parse(whole)?, whole.len());
+        reader.consume(length);
+        return Ok((message, length));
+    }
+    let bytes = read(reader)?;
+    Ok((Message::parse(&bytes)?, bytes.len()))
+}
+
+/// Reads the bytes of a message, header included.
 ///
 /// # Errors
 /// Where the length is none, or the connection ends within the message.
-pub(in crate::serve) fn read(reader: &mut impl Read) -> Result<Vec<u8>, WireError> {
+fn read(reader: &mut impl Read) -> Result<Vec<u8>, WireError> {
     let mut header = [0; HEADER];
     reader.read_exact(&mut header)?;
     let length = Bytes(&header).length()?;
@@ -232,6 +249,23 @@ mod tests {
         );
         assert!(message.wants_reply && message.id == 7);
         assert!(!Message::parse(&msg(MORE_TO_COME, &insert())).unwrap().wants_reply);
+    }
+
+    #[test]
+    fn messages_are_received_as_a_whole_or_in_pieces() {
+        let one = msg(0, &insert());
+        let three = [one.as_slice(), &one, &one].concat();
+        for capacity in [1, 8, 16, one.len() + 5, three.len()] {
+            let mut reader = BufReader::with_capacity(capacity, three.as_slice());
+            for _ in 0..3 {
+                assert!(!reader.fill_buf().unwrap().is_empty());
+                let (message, length) = receive(&mut reader).unwrap();
+                assert_eq!((message.id, length), (7, one.len()));
+            }
+            assert!(reader.fill_buf().unwrap().is_empty());
+        }
+        let mut short = BufReader::new(&one[..40]);
+        assert!(!short.fill_buf().unwrap().is_empty() && receive(&mut short).is_err());
     }
 
     #[test]

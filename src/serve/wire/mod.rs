@@ -14,7 +14,7 @@ pub use message::{Form, Message};
 pub use reply::Reply;
 
 pub(super) use compression::ZLIB;
-pub(super) use message::read;
+pub(super) use message::receive;
 
 /// The largest message, in bytes, which drivers get.
 pub const MAX_MESSAGE: usize = 48_000_000;

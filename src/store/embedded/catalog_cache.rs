@@ -163,7 +163,7 @@ mod tests {
         let ns = Namespace::parse("a.b").unwrap();
         let state = || {
             let mut state = None;
-            let chosen = store.find_chosen(&ns, &mut || {
+            let chosen = store.find_chosen(&ns, &mut |_| {
                 state = store.state();
                 Ok(None)
             });

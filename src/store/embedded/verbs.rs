@@ -8,14 +8,15 @@ use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
+use super::indexed::decay;
 use super::snapshot::Snapshot;
 use super::{Embedded, busy, catalog_cache, failure, file};
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::{
-    Aggregation, ChangePage, Changes, Checked, Documents, Find, History, HistoryRule, Index, Inserted, Kept, Name,
-    Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
+    Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
+    Name, Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -34,13 +35,12 @@ impl Store for Embedded {
         self.find_at(self.moment()?, ns, find)
     }
 
-    fn find_chosen(
-        &self,
-        ns: &Namespace,
-        choose: &mut dyn FnMut() -> Result<Option<Find>, StoreError>,
-    ) -> Result<Option<Documents<'_>>, StoreError> {
+    fn find_chosen<'f>(&self, ns: &Namespace, choose: Choose<'_, 'f>) -> Result<Option<Documents<'_>>, StoreError> {
         let moment = self.moment()?;
-        choose()?.map(|find| self.find_at(moment, ns, &find)).transpose()
+        let indexes = self.collection(ns)?.map(|collection| self.indexes_of(collection)).transpose()?;
+        // What is computed decays, too.
+        let is_lasting = indexes.is_none_or(|indexes| decay(&indexes).is_none());
+        choose(is_lasting)?.map(|find| self.find_at(moment, ns, &find)).transpose()
     }
 
     fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
@@ -416,6 +416,7 @@ impl Embedded {
 mod tests {
     use super::*;
     use bson::doc;
+    use std::borrow::Cow;
 
     #[test]
     fn only_what_is_unflushed_does_not_wait_for_the_disk() {
@@ -450,15 +451,15 @@ mod tests {
         let (store, other) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
         let ns = Namespace::parse("a.b").unwrap();
         store.insert(&ns, vec![doc! { "_id": 1 }]).unwrap();
-        let found = store.find_chosen(&ns, &mut || {
+        let found = store.find_chosen(&ns, &mut |_| {
             assert_eq!(store.count(&ns, (&doc! {}).into())?, 1);
             other.insert(&ns, vec![doc! { "_id": 2 }])?;
-            Ok(Some(Find::default()))
+            Ok(Some(Cow::Owned(Find::default())))
         });
         assert_eq!(found.unwrap().unwrap().count(), 1);
         assert!(store.connection.is_autocommit(), "the moment is over");
         assert_eq!(store.find(&ns, &Find::default()).unwrap().count(), 2);
-        assert!(store.find_chosen(&ns, &mut || Ok(None)).unwrap().is_none());
+        assert!(store.find_chosen(&ns, &mut |_| Ok(None)).unwrap().is_none());
         assert!(store.connection.is_autocommit());
     }
 

@@ -18,6 +18,7 @@ type Case = fn(&str) -> Result<(), Failed>;
 pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
+    ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
 ];
 
@@ -74,6 +75,12 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert!(refusal.to_string().contains("on a MongoDB server: connect to that"), "{refusal}");
     database.drop().run()?;
     Ok(())
+}
+
+fn repeated(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    super::retries::compare(mongod, &served, "retries_in_front")
 }
 
 /// Runs `rmem` in a folder, with the server at a URI as its memory; gives what it says.

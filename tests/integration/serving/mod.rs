@@ -1,7 +1,9 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
 mod clients;
+mod elections;
 pub(crate) mod executive;
+mod failures;
 mod front;
 mod kills;
 mod login;
@@ -22,8 +24,8 @@ use std::time::{Duration, Instant};
 use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 
+pub(crate) use elections::KILLERS;
 pub(crate) use front::CASES as IN_FRONT;
-pub(crate) use retries::BESIDE;
 pub(crate) use suites::stop;
 
 /// How long what has to come may take.
@@ -31,9 +33,16 @@ const TIMEOUT: Duration = Duration::from_secs(120);
 
 type Case = fn() -> Result<(), Failed>;
 
+/// What is compared with the answers of the server at a URI.
+type Beside = fn(&str) -> Result<(), Failed>;
+
+/// All of that.
+pub(crate) const BESIDE: [&[(&str, Beside)]; 2] = [failures::BESIDE, retries::BESIDE];
+
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
-    let cases = [clients::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
+    let cases =
+        [clients::CASES, failures::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
     let cases = cases.into_iter().chain([retries::CASES, snapshots::CASES, transactions::CASES]).flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());

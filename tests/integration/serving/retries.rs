@@ -4,17 +4,15 @@ use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 
 use super::wire::Wire;
-use super::{Case, Served};
+use super::{Beside, Case, Served};
 
 pub(super) const CASES: &[(&str, Case)] = &[
     ("statements_that_connections_send_again_at_once_are_done_once_also_after_kills", at_once),
     ("writes_of_which_much_has_to_be_kept_are_done_once", large),
 ];
 
-type Beside = fn(&str) -> Result<(), Failed>;
-
-/// What is compared with the answers of the server at a URI.
-pub(crate) const BESIDE: &[(&str, Beside)] =
+/// What is compared with the answers of a mongod.
+pub(super) const BESIDE: &[(&str, Beside)] =
     &[("serving::retries::statements_that_are_sent_again_are_answered_as_mongod_does", beside)];
 
 /// A collection before the commands of a session, and those.
@@ -126,8 +124,8 @@ fn said(answer: &Document) -> Document {
 }
 
 /// What is answered to the commands of a session, and what is stored then.
-fn outcome(wire: &mut Wire, scenario: &Scenario) -> Result<Vec<Document>, Failed> {
-    let own = |command: Document| with(command, doc! { "$db": "retries" });
+fn outcome(wire: &mut Wire, database: &str, scenario: &Scenario) -> Result<Vec<Document>, Failed> {
+    let own = |command: Document| with(command, doc! { "$db": database });
     wire.run(&own(doc! { "drop": "c" }))?;
     wire.run(&own(doc! { "create": "c" }))?;
     if !scenario.documents.is_empty() {
@@ -147,11 +145,16 @@ fn outcome(wire: &mut Wire, scenario: &Scenario) -> Result<Vec<Document>, Failed
 
 fn beside(mongod: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
-    let served = Served::start(folder.path(), &[])?;
+    compare(mongod, &Served::start(folder.path(), &[])?, "retries")
+}
+
+/// Compares what is served with a mongod, where a database of this name is used.
+pub(super) fn compare(mongod: &str, served: &Served, database: &str) -> Result<(), Failed> {
     let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
     let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
     for scenario in scenarios() {
-        let (expected, found) = (outcome(&mut real, &scenario)?, outcome(&mut own, &scenario)?);
+        let expected = outcome(&mut real, database, &scenario)?;
+        let found = outcome(&mut own, &format!("{database}_served"), &scenario)?;
         for (nth, (expected, found)) in expected.iter().zip(&found).enumerate() {
             assert_eq!(found, expected, "{:?}", scenario.commands.get(nth));
         }
