@@ -61,8 +61,8 @@ fn differences_are_a_line_a_document() {
     ");
     assert_run!(lab.rmem(&["diff", "a.json", "file:missing.rmem"]), @r"
     ------- stderr -------
-    error: there is no memory at missing.rmem
-    [exit code: 3]
+    error: cannot open file:missing.rmem: there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do
+    [exit code: 4]
     ");
     assert!(!lab.path().join("missing.rmem").exists());
     assert_run!(lab.rmem(&["diff", "a.json", "mem:x"]), @r"
