@@ -116,3 +116,69 @@ fn a_file_of_version_1_gets_checksums_as_it_is_changed() {
     let version: i32 = version.query_row("PRAGMA user_version", [], |row| row.get(0)).unwrap();
     assert_eq!(version, 2);
 }
+
+/// A memory of 3000 documents with an index.
+fn many() -> Lab {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let lines: String = (0..3_000).map(|n| format!("{{_id: {n}, n: {n}}}\n")).collect();
+    lab.rmem_with(&["insert", "a.b"], &lines).success();
+    lab.rmem(&["index", "a.b", "{n: 1}"]).success();
+    lab
+}
+
+#[test]
+fn a_document_that_an_index_lists_and_that_is_gone_is_damage() {
+    let lab = many();
+    sql(&lab, "robot.rmem", "DELETE FROM documents_1 WHERE position = 1501");
+    for args in [
+        &["query", "a.b", "--sort", "{n: 1}"][..],
+        &["query", "a.b", "{n: {$gte: 0}}", "--sort", "{n: -1}"],
+        &["query", "a.b", "{n: {$gte: 0}}"],
+        &["query", "a.b", "{n: 1500}"],
+        &["query", "a.b", "{n: {$gte: 1500}}", "--sort", "{n: 1}", "--limit", "2"],
+        &["query", "a.b", "{}", "--hint", "{n: 1}"],
+        &["query", "a.b", "{$or: [{n: 1500}, {n: 7}]}"],
+        &["count", "a.b", "{n: {$gt: 10}}"],
+        &["update", "a.b", "{n: 1500}", "{$set: {m: 1}}"],
+        &["delete", "a.b", "{n: 1500}"],
+    ] {
+        let run = lab.rmem(args).exits(4);
+        let expected = "error: file:robot.rmem: it is damaged (an index lists a document that is not there)";
+        assert!(run.stderr.starts_with(expected), "{args:?}: {run}");
+    }
+    assert_eq!(lab.rmem(&["query", "a.b", "{n: 1499}"]).success(), "{\"_id\":1499,\"n\":1499}\n");
+    lab.rmem(&["repair"]).success();
+    assert_eq!(lab.rmem(&["query", "a.b", "--sort", "{n: 1}"]).success().lines().count(), 2_999);
+}
+
+#[test]
+fn a_document_that_the_index_on_id_lists_and_that_is_gone_is_damage() {
+    let lab = many();
+    // The row goes, and its entry stays: while the table has no index on `_id`.
+    let root = Connection::open(lab.path().join("robot.rmem")).unwrap();
+    let index = "SELECT rootpage FROM sqlite_schema WHERE name = 'sqlite_autoindex_documents_1_1'";
+    let root: i64 = root.query_row(index, [], |row| row.get(0)).unwrap();
+    for statements in [
+        "PRAGMA writable_schema = ON; DELETE FROM sqlite_schema WHERE name = 'sqlite_autoindex_documents_1_1';
+         UPDATE sqlite_schema SET sql = replace(sql, ' UNIQUE', '') WHERE name = 'documents_1'",
+        "DELETE FROM documents_1 WHERE position = 1501",
+        &format!(
+            "PRAGMA writable_schema = ON;
+             UPDATE sqlite_schema SET sql = replace(sql, 'key BLOB NOT NULL', 'key BLOB NOT NULL UNIQUE')
+             WHERE name = 'documents_1';
+             INSERT INTO sqlite_schema VALUES ('index', 'sqlite_autoindex_documents_1_1', 'documents_1', {root}, NULL)"
+        ),
+    ] {
+        sql(&lab, "robot.rmem", statements);
+    }
+    assert!(lab.rmem(&["insert", "a.b", "{_id: 1500}"]).exits(5).stderr.contains("_id: 1500"), "the entry is there");
+    for args in [
+        &["query", "a.b", "--sort", "{_id: 1}"][..],
+        &["query", "a.b", "--sort", "{_id: -1}"],
+        &["query", "a.b", "{_id: {$gt: 100}}"],
+        &["query", "a.b", "{_id: 1500}"],
+    ] {
+        let run = lab.rmem(args).exits(4);
+        assert!(run.stderr.starts_with("error: file:robot.rmem: it is damaged ("), "{args:?}: {run}");
+    }
+}

@@ -49,6 +49,11 @@ pub(super) fn damage(what: &str) -> Error {
     Error::SqliteFailure(ffi::Error::new(ffi::SQLITE_CORRUPT), Some(what.to_owned()))
 }
 
+/// That an index lists a document that is not there.
+pub(super) fn no_document() -> Error {
+    damage("an index lists a document that is not there")
+}
+
 /// Refuses a document that does not come behind the one before it: a page that is another one's copy would be read
 /// again and again.
 pub(super) fn check_order(position: i64, before: i64) -> Result<(), Error> {
