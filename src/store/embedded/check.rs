@@ -9,7 +9,7 @@ use rusqlite::{Connection, params};
 use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::snapshot::Snapshot;
-use super::{Embedded, body};
+use super::{Embedded, body, change_log};
 use crate::store::{Checked, Namespace, StoreError};
 
 /// How many findings of SQLite's own check are reported.
@@ -111,15 +111,8 @@ impl Embedded {
         let mut rows = statement.query([]).map_err(|e| self.explain(&e))?;
         while let Some(row) = rows.next().map_err(|e| self.explain(&e))? {
             let sequence: i64 = row.get(0).map_err(|e| self.explain(&e))?;
-            let images = [1, 2].map(|column| row.get::<_, Option<Vec<u8>>>(column));
-            let is_good = images.into_iter().all(|image| match image {
-                Ok(None) => true,
-                Ok(Some(bytes)) => RawDocument::from_bytes(&bytes).is_ok_and(body::is_well_formed),
-                Err(_) => false,
-            });
-            let kind = row.get(3).map(super::change_log::kind);
-            if !is_good || !matches!(kind, Ok(Some(_))) {
-                report(&format!("the change {sequence} in the log is damaged"));
+            if let Err(wrong) = change_log::verify(row) {
+                report(&format!("the change {sequence} in the log is damaged: {wrong}"));
             }
         }
         Ok(())

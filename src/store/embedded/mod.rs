@@ -30,6 +30,7 @@ mod log;
 mod log_size;
 mod near;
 mod notifier;
+mod opened;
 mod output;
 mod page;
 mod past;
