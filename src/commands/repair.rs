@@ -34,13 +34,11 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
         .as_ref()
         .and_then(StoreUri::path)
         .ok_or_else(|| UsageError::new("only the file of a memory can be repaired; expected --memory file:PATH"))?;
+    if path.metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
+        return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
+    }
     let repaired = match &args.output {
-        None => {
-            if !path.exists() {
-                return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
-            }
-            Embedded::open(path)?.rebuild_indexes()?
-        }
+        None => Embedded::open(path)?.rebuild_indexes()?,
         Some(output) => Embedded::salvage(path, output)?,
     };
     let Repaired { collections, documents, indexes, lost } = &repaired;

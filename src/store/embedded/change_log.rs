@@ -117,7 +117,15 @@ pub(super) fn bound(
     let sql = "SELECT sequence FROM changes WHERE volume < (SELECT max(volume) FROM changes) - ?
                ORDER BY sequence DESC LIMIT 1";
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
-    let Some(last) = last else { return Ok(()) };
+    last.map_or(Ok(()), |last| cut(connection, last, before))
+}
+
+/// Removes the changes up to `last`, and marks the watchers that had not taken them. `before` gets `last`.
+pub(super) fn cut(
+    connection: &Connection,
+    last: i64,
+    before: impl FnOnce(i64) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     move_on(connection, last)?;
     before(last)?;
     connection.execute(
@@ -184,8 +192,20 @@ pub(super) fn kind(code: i64) -> Option<ChangeKind> {
     }
 }
 
+/// Calls `report` for each damaged change, with its number and what is wrong.
+pub(super) fn find_damage(connection: &Connection, report: &mut dyn FnMut(i64, String)) -> rusqlite::Result<()> {
+    let mut statement = connection.prepare("SELECT sequence, before, after, kind FROM changes ORDER BY sequence")?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        if let Err(wrong) = verify(row) {
+            report(row.get("sequence")?, wrong);
+        }
+    }
+    Ok(())
+}
+
 /// Checks a row of the log; the error says what is wrong with it.
-pub(super) fn verify(row: &Row<'_>) -> Result<(), String> {
+fn verify(row: &Row<'_>) -> Result<(), String> {
     let read = |column: &str| match row.get_ref(column).and_then(|stored| Ok(stored.as_blob_or_null()?)) {
         Ok(None) => Ok(()),
         Ok(Some(stored)) => match body::open(stored) {
@@ -200,7 +220,7 @@ pub(super) fn verify(row: &Row<'_>) -> Result<(), String> {
     read("before").and_then(|()| read("after"))?;
     match row.get("kind").map(kind) {
         Ok(Some(_)) => Ok(()),
-        _ => Err("its kind is none".to_owned()),
+        _ => Err("its kind is unknown".to_owned()),
     }
 }
 

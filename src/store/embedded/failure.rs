@@ -65,6 +65,16 @@ pub(super) fn is_damage(error: &Error) -> bool {
     error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)
 }
 
+/// Whether the file is none of SQLite.
+pub(super) fn is_no_database(error: &Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::NotADatabase)
+}
+
+/// Whether there was no room on the disk.
+pub(super) fn is_full_disk(error: &Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::DiskFull)
+}
+
 fn unreachable(place: &Place, reason: String) -> StoreError {
     StoreError::unreachable(place.to_string(), reason)
 }
@@ -102,6 +112,17 @@ pub(super) fn no_room_to_delete(place: &Place) -> StoreError {
 pub(super) fn explain_copy(place: &Place, error: &Error) -> StoreError {
     match explain(place, error) {
         StoreError::DiskFull { .. } => full(place, NO_ROOM_TO_COPY),
+        other => other,
+    }
+}
+
+/// An error of a file that gets its name at the end, said of that name.
+pub(super) fn of_copy(place: &Place, error: StoreError) -> StoreError {
+    let address = place.to_string();
+    match error {
+        StoreError::DiskFull { .. } => full(place, NO_ROOM_TO_COPY),
+        StoreError::Failed { reason, .. } => StoreError::Failed { address, reason },
+        StoreError::Unreachable { reason, may_be_done, .. } => StoreError::Unreachable { address, reason, may_be_done },
         other => other,
     }
 }

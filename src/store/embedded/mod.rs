@@ -29,6 +29,7 @@ mod indexed;
 mod log;
 mod log_size;
 mod near;
+mod new_file;
 mod notifier;
 mod opened;
 mod output;

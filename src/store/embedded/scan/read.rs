@@ -197,7 +197,6 @@ impl Scan<'_> {
 mod tests {
     use bson::{Document, doc};
 
-    use super::*;
     use crate::store::{Embedded, Find, Index, Namespace, Store as _};
 
     #[test]
