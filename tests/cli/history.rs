@@ -455,3 +455,24 @@ fn a_log_without_checksums_is_read() {
     lab.rmem(&["undo", NS]).success();
     assert_eq!(lab.rmem(&["query", NS]).success(), "{\"_id\":1,\"at\":\"A\"}\n");
 }
+
+#[test]
+fn a_repair_says_that_the_log_is_damaged_and_saves_what_comes_behind() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'D'}}"]).success();
+    crate::repair::sql(&lab, "robot.rmem", DAMAGE);
+    let refused = lab.rmem(&["repair"]).exits(4);
+    assert!(refused.stderr.contains("the change 2 in the log is damaged: the document with _id 1"), "{refused}");
+    let saved = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1).stdout;
+    let lost =
+        "lost: the changes up to 2 in the log, which is damaged: the document with _id 1: its checksum is wrong\n";
+    assert!(saved.ends_with(lost), "{saved}");
+    let of_saved = |args: &[&str]| lab.rmem(&[&["--memory", "file:saved.rmem"], args].concat());
+    of_saved(&["doctor", "--deep"]).success();
+    let kept = lines(&of_saved(&["history", NS]).success());
+    assert_eq!(kept.iter().map(|entry| &entry["before"]["at"]).collect::<Vec<_>>(), ["C"]);
+    let run = of_saved(&["query", NS, "--at", "2026-01-01T00:00:00Z"]).exits(2);
+    assert!(run.stderr.contains("the history begins at"), "{run}");
+}

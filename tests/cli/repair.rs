@@ -239,3 +239,18 @@ fn a_memory_without_its_marks_is_saved_and_one_without_its_tables_is_called_dama
     }
     assert!(!lab.path().join("none.rmem").exists());
 }
+
+#[test]
+fn a_document_under_the_key_of_another_stops_the_repair_in_place() {
+    let lab = lab();
+    sql(&lab, "robot.rmem", "UPDATE documents_1 SET key = x'00' WHERE position = 2");
+    let refused = lab.rmem(&["repair"]).exits(4);
+    let expected = "file:robot.rmem: the document with _id 2 of a.b is damaged: it is stored under another _id";
+    assert!(refused.stderr.contains(expected), "{refused}");
+    lab.rmem(&["repair", "-o", "saved.rmem"]).success();
+    lab.rmem(&["--memory", "file:saved.rmem", "doctor", "--deep"]).success();
+    assert_eq!(
+        lab.rmem(&["--memory", "file:saved.rmem", "query", "a.b", "{_id: 2}"]).success(),
+        "{\"_id\":2,\"n\":2}\n"
+    );
+}

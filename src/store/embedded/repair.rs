@@ -4,17 +4,16 @@
 //! can be read is copied, with the indexes, the names of watches and the log of changes.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use bson::Document;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
+use super::damage::Damage;
 use super::new_file::NewFile;
+use super::page::PageError;
 use super::place::Place;
-use super::scan::Scan;
 use super::{Embedded, body, change_log, failure, file, history};
-use crate::query::{Filter, QueryError};
+use crate::query::QueryError;
 use crate::store::{Index, Namespace, Store as _, StoreError, document, index};
 
 /// What a repair did.
@@ -47,11 +46,50 @@ impl Embedded {
                 self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
                 done.collections += 1;
                 // Each document is read, so that a damaged one is found also where no index is made.
-                let mut all = Arc::new(Filter::parse(&Document::new())?);
-                done.documents += Scan::new(self, collection, &mut all)?.count()?;
+                done.documents += self.check_documents(collection)?;
                 done.indexes += self.refill_indexes(&ns, collection)?;
             }
+            self.check_changes()?;
             Ok(done)
+        })
+    }
+
+    /// Checks the documents of a collection and returns how many there are.
+    fn check_documents(&self, collection: Collection) -> Result<u64, StoreError> {
+        let sql = format!("SELECT position, key, body FROM {} NOT INDEXED ORDER BY position", collection.table());
+        let read = || -> Result<u64, PageError> {
+            let mut statement = self.connection.prepare(&sql)?;
+            let (mut rows, mut behind, mut count) = (statement.query([])?, i64::MIN, 0);
+            while let Some(row) = rows.next()? {
+                let position = row.get(0)?;
+                failure::check_order(position, behind)?;
+                let document = body::of_column(row.get_ref(2)?)?;
+                if !body::has_key(document, row.get_ref(1)?.as_blob().map_err(rusqlite::Error::from)?) {
+                    return Err(PageError::Damaged(Damage::Key, body::name(document.as_bytes())));
+                }
+                (behind, count) = (position, count + 1);
+            }
+            Ok(count)
+        };
+        read().map_err(|error| match error {
+            PageError::Store(error) => self.explain(&error),
+            PageError::Query(error) => error.into(),
+            PageError::Damaged(damage, id) => self.damaged(collection, id.as_deref(), damage),
+        })
+    }
+
+    /// Refuses a log of changes in which something is damaged.
+    fn check_changes(&self) -> Result<(), StoreError> {
+        let mut damaged = None;
+        change_log::find_damage(&self.connection, &mut |sequence, wrong| {
+            damaged.get_or_insert((sequence, wrong));
+        })
+        .map_err(|e| self.explain(&e))?;
+        damaged.map_or(Ok(()), |(sequence, wrong)| {
+            Err(self.fail(&format!(
+                "the change {sequence} in the log is damaged: {wrong}; copy what can be read into a new file with \
+                 `rmem repair -o FILE`"
+            )))
         })
     }
 
