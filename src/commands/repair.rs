@@ -16,8 +16,8 @@ use crate::store::{Embedded, StoreUri};
 /// Rebuild the indexes of a file, or save what can be read of it
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  rmem doctor --deep\n  rmem repair\n  rmem repair -o saved.rmem\n\n\
-Without -o, all indexes are rebuilt from the documents, in the file itself; a damaged document stops\n\
-that and nothing is changed. With -o, every document that can be read and whose checksum fits is copied\n\
+Without -o, all indexes are rebuilt from the documents, in the file itself; a damaged document, or a damaged\n\
+change in the log, stops that and nothing is changed. With -o, every document that can be read and whose checksum fits is copied\n\
 into a new memory, with the indexes, the names of watches and the log of changes; what is lost is listed,\n\
 which exits with 1. The damaged file stays as it is.")]
 #[command(arg = formats::argument(&formats::TEXT))]
@@ -34,13 +34,11 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
         .as_ref()
         .and_then(StoreUri::path)
         .ok_or_else(|| UsageError::new("only the file of a memory can be repaired; expected --memory file:PATH"))?;
+    if path.metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
+        return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
+    }
     let repaired = match &args.output {
-        None => {
-            if !path.exists() {
-                return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
-            }
-            Embedded::open(path)?.rebuild_indexes()?
-        }
+        None => Embedded::open(path)?.rebuild_indexes()?,
         Some(output) => Embedded::salvage(path, output)?,
     };
     let Repaired { collections, documents, indexes, lost } = &repaired;

@@ -24,7 +24,9 @@ fn sweep(folder: &Path, prefix: &str) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
-        let Some(tag) = name.to_str().and_then(|name| name.strip_prefix(prefix)?.rsplit_once('-')) else { continue };
+        let Some(tag) = name.to_str().and_then(|name| own(name).strip_prefix(prefix)?.rsplit_once('-')) else {
+            continue;
+        };
         let Some(life) = Holder::life_of(tag.0) else { continue };
         let Ok(found) = entry.metadata() else { continue };
         let is_old = found.modified().ok().and_then(|at| at.elapsed().ok()).is_some_and(|age| age > MAX_AGE);
@@ -37,6 +39,11 @@ fn sweep(folder: &Path, prefix: &str) {
     }
 }
 
+/// A name, without what SQLite puts behind it for a file beside another.
+fn own(name: &str) -> &str {
+    ["-journal", "-wal", "-shm"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,12 +54,19 @@ mod tests {
         let mine = prefix(folder.path(), ".rmem-");
         let (tag, _) = mine.rsplit_once('-').unwrap();
         let (process, _) = tag.rsplit_once('.').unwrap();
-        let names = [format!("{mine}abc"), format!("{process}.1-abc"), ".rmem-plan".to_owned(), "other-1".to_owned()];
+        let names = [
+            format!("{mine}abc"),
+            format!("{mine}abc-wal"),
+            format!("{process}.1-abc"),
+            format!("{process}.1-abc-wal"),
+            ".rmem-plan".to_owned(),
+            "other-1".to_owned(),
+        ];
         for name in &names {
             fs::create_dir(folder.path().join(name)).unwrap();
         }
         prefix(folder.path(), ".rmem-");
         let is_there = names.map(|name| folder.path().join(name).exists());
-        assert_eq!(is_there, [true, false, true, true]);
+        assert_eq!(is_there, [true, true, false, false, true, true]);
     }
 }

@@ -418,3 +418,61 @@ fn undo_names_the_collection_that_was_probably_meant() {
     let run = lab.rmem(&["undo", "lager.wlet"]).exits(1);
     assert!(run.stderr.contains("no collection lager.wlet; did you mean lager.welt?"), "{run}");
 }
+
+/// Changes a letter of the document that the second change replaced.
+const DAMAGE: &str = "UPDATE changes SET before = CAST(substr(before, 1, 21) || x'42' || substr(before, 23) AS BLOB) \
+     WHERE sequence = 2";
+
+#[test]
+fn a_damaged_document_in_the_log_is_found_and_never_written_back() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    crate::repair::sql(&lab, "robot.rmem", DAMAGE);
+    for args in [&["history", NS][..], &["undo", NS]] {
+        let run = lab.rmem(args).exits(4);
+        let expected =
+            "a change of the document with _id 1 of robmem.worldmodel in the log is damaged: its checksum is wrong";
+        assert!(run.stderr.contains(expected), "{run}");
+    }
+    assert_eq!(lab.rmem(&["query", NS]).success(), "{\"_id\":1,\"at\":\"C\"}\n");
+    let found = lab.rmem(&["doctor", "--deep"]).exits(4).stdout;
+    let expected = "damage     the change 2 in the log is damaged: the document with _id 1: its checksum is wrong\n";
+    assert!(found.contains(expected), "{found}");
+}
+
+#[test]
+fn a_log_without_checksums_is_read() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    let all = history(&lab, &[]);
+    // As an earlier rmem stored the documents: without the checksum of 8 bytes.
+    let earlier = "UPDATE changes SET before = substr(before, 1, length(before) - 8), after = substr(after, 1, length(after) - 8)";
+    crate::repair::sql(&lab, "robot.rmem", earlier);
+    assert_eq!(history(&lab, &[]), all);
+    lab.rmem(&["doctor", "--deep"]).success();
+    lab.rmem(&["undo", NS]).success();
+    assert_eq!(lab.rmem(&["query", NS]).success(), "{\"_id\":1,\"at\":\"A\"}\n");
+}
+
+#[test]
+fn a_repair_says_that_the_log_is_damaged_and_saves_what_comes_behind() {
+    let lab = lab();
+    lab.rmem(&["insert", NS, "{_id: 1, at: 'A'}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'C'}}"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {at: 'D'}}"]).success();
+    crate::repair::sql(&lab, "robot.rmem", DAMAGE);
+    let refused = lab.rmem(&["repair"]).exits(4);
+    assert!(refused.stderr.contains("the change 2 in the log is damaged: the document with _id 1"), "{refused}");
+    let saved = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1).stdout;
+    let lost =
+        "lost: the changes up to 2 in the log, which is damaged: the document with _id 1: its checksum is wrong\n";
+    assert!(saved.ends_with(lost), "{saved}");
+    let of_saved = |args: &[&str]| lab.rmem(&[&["--memory", "file:saved.rmem"], args].concat());
+    of_saved(&["doctor", "--deep"]).success();
+    let kept = lines(&of_saved(&["history", NS]).success());
+    assert_eq!(kept.iter().map(|entry| &entry["before"]["at"]).collect::<Vec<_>>(), ["C"]);
+    let run = of_saved(&["query", NS, "--at", "2026-01-01T00:00:00Z"]).exits(2);
+    assert!(run.stderr.contains("the history begins at"), "{run}");
+}

@@ -62,6 +62,10 @@ fn read_without_room() -> Result<(), Failed> {
     assert!(filled.is_err(), "the disk has room left");
     assert_eq!(said(&["count", "a.b"])?, (Some(0), "1".into(), String::new()));
     assert_eq!(said(&["query", "a.b"])?, (Some(0), "{\"_id\":1}".into(), String::new()));
+    let elsewhere = tempfile::tempdir()?;
+    let saved = elsewhere.path().join("saved.rmem").display().to_string();
+    let repaired = "1 collection, 1 document, 0 indexes".to_owned();
+    assert_eq!(said(&["repair", "-o", &saved])?, (Some(0), repaired, String::new()));
     let (code, _, message) = said(&["delete", "a.b", "{_id: 1}"])?;
     assert_eq!(code, Some(4), "{message}");
     assert!(message.contains("the disk is full, and a deletion needs a few pages"), "{message}");
@@ -102,11 +106,12 @@ fn leave_nothing() -> Result<(), Failed> {
     assert!(filled.is_err(), "the disk has room left");
     let (json, copy, new) = (on_disk("x.json"), on_disk("copy.rmem"), format!("file:{}", on_disk("new.rmem")));
     let (folder, archive, project) = (on_disk("dumped"), on_disk("x.archive"), on_disk("project"));
-    let refused: [(&str, &[&str]); 7] = [
+    let refused: [(&str, &[&str]); 8] = [
         (&memory, &["dump", "--all", "-o", &json]),
         (&memory, &["dump", "--all", "-o", &folder]),
         (&memory, &["dump", "--all", "--archive", "-o", &archive]),
         (&memory, &["backup", &copy]),
+        (&memory, &["repair", "-o", &copy]),
         (&memory, &["init", &project]),
         (&memory, &["init", &on_disk("")]),
         (&new, &["insert", "a.b", "{_id: 1}"]),

@@ -65,6 +65,12 @@ fn only_read() -> Result<(), Failed> {
         let counted = plain(folder.path(), &["count", "robmem.blocks", "{_id: {$gt: 1}}"])?;
         assert_eq!(String::from_utf8_lossy(&counted.stdout), "2\n", "{counted:?}");
         assert!(plain(folder.path(), &["dump", "--all", "-o", "-"])?.status.success());
+        let elsewhere = tempfile::tempdir()?;
+        set_permissions(elsewhere.path(), Permissions::from_mode(0o777))?;
+        let saved = elsewhere.path().join("saved.rmem");
+        let repaired = plain(folder.path(), &["repair", "-o", &saved.display().to_string()])?;
+        assert!(repaired.status.success(), "{repaired:?}");
+        assert_eq!(saved.metadata()?.permissions().mode() & 0o777, 0o644, "those may read it who may read the other");
         let refused = plain(folder.path(), &["insert", "robmem.blocks", "{_id: 4}"])?;
         assert_eq!(refused.status.code(), Some(4), "{refused:?}");
         assert!(says(&refused).contains("cannot be written; check the permissions"), "{refused:?}");

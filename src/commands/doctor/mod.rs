@@ -16,7 +16,7 @@ use crate::exit::Exit;
 use crate::formats::shell;
 use crate::output::Format;
 use crate::output::amount;
-use crate::store::Checked;
+use crate::store::{Checked, StoreError};
 
 /// What stands below the help of `doctor`.
 const HELP: &str = "\
@@ -58,18 +58,18 @@ pub struct DoctorArgs {
 pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> {
     let asked = args.ask.iter().map(|text| argument("<ask>", text)).collect::<Result<Vec<_>, _>>()?;
     let mut report = Report::new(context.format(&formats::TEXT)? == Format::Json);
-    let mut healthy = true;
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     report.add(Row::fact("settings", None, &settings), context)?;
 
     let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
-    let state = match context.memory().and_then(|memory| Ok(memory.collections()?.len())) {
-        Ok(count) => format!("ok, {}", amount(count as u64, "collection")),
-        Err(error) => {
-            healthy = false;
-            format!("{error:#}")
-        }
+    let opened = context.memory().and_then(|memory| Ok(memory.collections()?.len()));
+    let deep = if args.deep && opened.is_ok() { Some(Deep::check(context)?) } else { None };
+    let is_sound = deep.as_ref().is_none_or(Deep::is_sound);
+    let state = match &opened {
+        Ok(count) => format!("{}, {}", if is_sound { "ok" } else { "damaged" }, amount(*count as u64, "collection")),
+        Err(error) => format!("{error:#}"),
     };
+    let healthy = opened.is_ok() && is_sound;
     report.add(Row { is_fine: Some(healthy), ..Row::fact("memory", Some(&address), &state) }, context)?;
     #[cfg(feature = "serve")]
     if let Some(server) = super::serve::server(&context.settings) {
@@ -77,8 +77,8 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
         report.add(Row::fact("served", None, &state), context)?;
     }
 
-    if args.deep && healthy {
-        healthy = deep(&mut report, context)?;
+    if let Some(deep) = deep {
+        deep.tell(&mut report, context)?;
     }
 
     let memory = if healthy { context.memory().ok() } else { None };
@@ -98,33 +98,49 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     })
 }
 
-/// Checks the stores; says whether nothing is damaged.
-fn deep(report: &mut Report, context: &mut Context<'_>) -> Result<bool> {
-    let memory = context.memory()?;
-    let mut damages = Vec::new();
-    let checked = memory.check(|damage| damages.push(damage.to_owned()));
-    for damage in &damages {
-        report.add(Row { is_fine: Some(false), ..Row::fact("damage", None, damage) }, context)?;
+/// What a check of all data found.
+struct Deep {
+    damages: Vec<String>,
+    checked: Result<Vec<(String, Option<Checked>)>, StoreError>,
+}
+
+impl Deep {
+    /// Checks the stores.
+    fn check(context: &mut Context<'_>) -> Result<Self> {
+        let mut damages = Vec::new();
+        let checked = context.memory()?.check(|damage| damages.push(damage.to_owned()));
+        Ok(Self { damages, checked })
     }
-    for (address, checked) in checked? {
-        let Some(checked) = checked else {
-            report.add(Row::fact("checked", Some(&address), "not here; a server checks itself"), context)?;
-            continue;
-        };
-        let Checked { collections, documents, unsealed, indexes } = checked;
-        let old = match unsealed {
-            0 => String::new(),
-            count => format!(", {count} of them without a checksum (stored by an earlier rmem)"),
-        };
-        let counts = format!(
-            "{}, {}{old}, {}",
-            amount(collections, "collection"),
-            amount(documents, "document"),
-            amount(indexes, "index")
-        );
-        report.add(Row::fact("checked", Some(&address), &counts), context)?;
+
+    /// Whether nothing is damaged.
+    fn is_sound(&self) -> bool {
+        self.damages.is_empty() && self.checked.is_ok()
     }
-    Ok(damages.is_empty())
+
+    fn tell(self, report: &mut Report, context: &mut Context<'_>) -> Result<()> {
+        for damage in &self.damages {
+            report.add(Row { is_fine: Some(false), ..Row::fact("damage", None, damage) }, context)?;
+        }
+        for (address, checked) in self.checked? {
+            let Some(checked) = checked else {
+                report.add(Row::fact("checked", Some(&address), "not here; a server checks itself"), context)?;
+                continue;
+            };
+            let Checked { collections, documents, unsealed, indexes } = checked;
+            let old = match unsealed {
+                0 => String::new(),
+                count => format!(", {count} of them without a checksum (stored by an earlier rmem)"),
+            };
+            let counts = format!(
+                "{}, {}{old}, {}",
+                amount(collections, "collection"),
+                amount(documents, "document"),
+                amount(indexes, "index")
+            );
+            report.add(Row::fact("checked", Some(&address), &counts), context)?;
+        }
+        Ok(())
+    }
 }
 
 /// Something that was looked at; a line like `planner    ff: ok`.

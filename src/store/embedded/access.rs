@@ -38,18 +38,25 @@ fn of_ids() -> Candidate<'static> {
 pub(super) enum Way {
     /// All documents.
     Walk,
-    /// Those at these positions, in this order.
-    Positions(VecDeque<i64>),
+    /// Those at these positions, in this order, and what listed them, if anything did.
+    Positions(VecDeque<i64>, Vec<Listing>),
     /// Those that a table of keys lists, as it lists them.
     Listed(Listing),
 }
 
 /// Ranges of a table with keys, being read.
+#[derive(Clone)]
 pub(super) struct Listing {
     /// The table of an index, or that of the documents.
     pub(super) table: String,
     pub(super) ranges: VecDeque<Range>,
     pub(super) backwards: bool,
+}
+
+impl Listing {
+    fn forwards(table: String, ranges: Vec<Range>) -> Self {
+        Self { table, ranges: ranges.into(), backwards: false }
+    }
 }
 
 /// An access path, with what is known of it.
@@ -100,7 +107,7 @@ impl Embedded {
                 let listing = Listing { table, ranges: in_turn(access.ranges, backwards), backwards };
                 return Ok(Chosen { way: Way::Listed(listing), is_sorted, explanation, keys: 0 });
             }
-            return self.positions(&[(table, access.ranges)], explanation, sort.is_empty());
+            return self.positions(vec![Listing::forwards(table, access.ranges)], explanation, sort.is_empty());
         }
         let Some(parts) = alternatives(filter, &candidates) else {
             let explanation = if is_explained {
@@ -114,8 +121,8 @@ impl Embedded {
             true => doc! { "any": parts.iter().map(explanation).collect::<Vec<_>>() },
             false => Document::new(),
         };
-        let parts: Vec<_> = parts.into_iter().map(|access| (table(access.candidate), access.ranges)).collect();
-        self.positions(&parts, explanation, sort.is_empty())
+        let parts = parts.into_iter().map(|access| Listing::forwards(table(access.candidate), access.ranges));
+        self.positions(parts.collect(), explanation, sort.is_empty())
     }
 
     /// The way through the index that a hint names: between the bounds of the filter, or the whole of it.
@@ -131,7 +138,7 @@ impl Embedded {
         hint: &Hint,
     ) -> Result<Chosen, StoreError> {
         let walk = |positions: Option<VecDeque<i64>>| Chosen {
-            way: positions.map_or(Way::Walk, Way::Positions),
+            way: positions.map_or(Way::Walk, |positions| Way::Positions(positions, Vec::new())),
             is_sorted: sort.is_empty(),
             explanation: doc! { "index": Bson::Null },
             keys: 0,
@@ -166,7 +173,8 @@ impl Embedded {
         let positions = self.listed(&listing).map_err(|e| self.explain(&e))?;
         let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": bounds };
         let keys = positions.len() as u64;
-        Ok(Chosen { way: Way::Positions(positions), is_sorted: is_sorted || sort.is_empty(), explanation, keys })
+        let way = Way::Positions(positions, vec![listing]);
+        Ok(Chosen { way, is_sorted: is_sorted || sort.is_empty(), explanation, keys })
     }
 
     /// The positions of all documents, the last one first.
@@ -241,15 +249,10 @@ impl Embedded {
 
     /// The positions that ranges of tables list, in order of insertion, each
     /// once. Where a table is gone, all documents have to be looked at.
-    fn positions(
-        &self,
-        parts: &[(String, Vec<Range>)],
-        explanation: Document,
-        is_sorted: bool,
-    ) -> Result<Chosen, StoreError> {
+    fn positions(&self, parts: Vec<Listing>, explanation: Document, is_sorted: bool) -> Result<Chosen, StoreError> {
         let mut positions: Vec<i64> = Vec::new();
-        for (table, ranges) in parts {
-            match self.list(table, ranges, &mut positions) {
+        for part in &parts {
+            match self.list(part, &mut positions) {
                 Err(error) if failure::is_gone(&error) => {
                     return Ok(Chosen { way: Way::Walk, is_sorted, explanation, keys: 0 });
                 }
@@ -259,13 +262,13 @@ impl Embedded {
         let keys = positions.len() as u64;
         positions.sort_unstable();
         positions.dedup();
-        Ok(Chosen { way: Way::Positions(positions.into()), is_sorted, explanation, keys })
+        Ok(Chosen { way: Way::Positions(positions.into(), parts), is_sorted, explanation, keys })
     }
 
-    fn list(&self, table: &str, ranges: &[Range], positions: &mut Vec<i64>) -> rusqlite::Result<()> {
-        let sql = format!("SELECT position FROM {table} WHERE key >= ? AND key < ?");
+    fn list(&self, part: &Listing, positions: &mut Vec<i64>) -> rusqlite::Result<()> {
+        let sql = format!("SELECT position FROM {} WHERE key >= ? AND key < ?", part.table);
         let mut statement = self.connection.prepare_cached(&sql)?;
-        for range in ranges {
+        for range in &part.ranges {
             let mut rows = statement.query([&range.low, &range.high])?;
             while let Some(row) = rows.next()? {
                 positions.push(row.get(0)?);
@@ -282,7 +285,8 @@ impl Embedded {
             return Err(QueryError::bad_value("the index on decay has no dates").into());
         };
         let mut positions = Vec::new();
-        self.list(&index.table(), &access.ranges, &mut positions).map_err(|e| self.explain(&e))?;
+        let part = Listing::forwards(index.table(), access.ranges);
+        self.list(&part, &mut positions).map_err(|e| self.explain(&e))?;
         positions.sort_unstable();
         positions.dedup();
         Ok(positions.len() as u64)

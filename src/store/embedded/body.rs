@@ -9,13 +9,10 @@ use bson::raw::{RawBsonRef, RawIter};
 use bson::{Bson, RawDocument};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::Embedded;
-use super::catalog::Collection;
 use super::damage::Damage;
 use super::page::PageError;
 use crate::formats::shell;
 use crate::query::key;
-use crate::store::StoreError;
 
 /// The length of a checksum, in bytes.
 const CHECKSUM: usize = 8;
@@ -94,25 +91,6 @@ pub(super) fn name(stored: &[u8]) -> Option<String> {
         id => Bson::try_from(id).ok()?,
     };
     Some(shell::relaxed_value(&id))
-}
-
-impl Embedded {
-    /// The error for a damaged document of a collection; `name` is its `_id`, as far as it is known.
-    pub(super) fn damaged(&self, collection: Collection, name: Option<&str>, damage: Damage) -> StoreError {
-        let ns = collection.namespace(&self.connection).ok().flatten();
-        let ns = ns.map_or_else(|| "a collection".to_owned(), |ns| ns.to_string());
-        let document = name.map_or_else(|| "a document".to_owned(), |id| format!("the document with _id {id}"));
-        self.fail(&format!(
-            "{document} of {ns} is damaged: {}; list all damage with `rmem doctor --deep`, and copy what can be read \
-             into a new file with `rmem repair -o FILE`",
-            damage.describe()
-        ))
-    }
-
-    /// The document in stored bytes, as a value.
-    pub(super) fn opened(&self, collection: Collection, stored: &[u8]) -> Result<bson::RawDocumentBuf, StoreError> {
-        open(stored).map(ToOwned::to_owned).map_err(|damage| self.damaged(collection, name(stored).as_deref(), damage))
-    }
 }
 
 /// Whether the key of a row is that of the document's `_id`.

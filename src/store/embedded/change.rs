@@ -11,7 +11,7 @@ use super::change_log::Noted;
 use super::indexed::{Indexed, of_ids};
 use super::scan::Found;
 use super::slices::Selection;
-use super::{Embedded, body as stored};
+use super::{Embedded, body as stored, failure};
 use crate::query::{Filter, QueryError, Update, constants, key};
 use crate::store::{
     ChangeKind, Namespace, Put, Query, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
@@ -159,16 +159,17 @@ impl Embedded {
         let entries = index.entries(&RawDocumentBuf::try_from(document).map_err(QueryError::from)?)?;
         let documents = collection.table();
         let sql = format!(
-            "SELECT {documents}.position, body FROM {0} JOIN {documents} ON {documents}.position = {0}.position \
+            "SELECT {0}.position, body FROM {0} LEFT JOIN {documents} ON {documents}.position = {0}.position \
              WHERE {0}.key = ? LIMIT 1",
             index.table()
         );
         for key in &entries.keys {
             let row = self.connection.prepare_cached(&sql).and_then(|mut statement| {
-                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?));
+                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Vec<u8>>>(1)?));
                 statement.query_row([key], row).optional()
             });
             if let Some((position, bytes)) = row.map_err(|e| self.explain(&e))? {
+                let bytes = bytes.ok_or_else(|| self.explain(&failure::no_document()))?;
                 return Ok(Some(Found { position, body: self.opened(collection, &bytes)? }));
             }
         }

@@ -1,12 +1,14 @@
 //! The table of changes: what was changed, kept until every watcher has taken it.
 //!
+//! The documents in it are stored as those of collections are, with a checksum ([`body`]); an earlier rmem stored them without.
 //! Changes that all watchers of a collection are done with are removed. An abandoned or slow
 //! watcher keeps at most [`LARGEST`] bytes of them, as an oplog has a largest size: past it the
 //! oldest changes are removed, and the watchers that had not taken them are marked.
 
 use bson::{DateTime, RawDocument};
-use rusqlite::{Connection, OptionalExtension as _, params};
+use rusqlite::{Connection, OptionalExtension as _, Row, params};
 
+use super::body;
 use crate::saturate::to_i64;
 use crate::store::{ChangeKind, Namespace};
 
@@ -90,8 +92,8 @@ pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) 
             ns.collection,
             noted.code(),
             DateTime::now().timestamp_millis(),
-            noted.before.map(RawDocument::as_bytes),
-            noted.after.map(RawDocument::as_bytes),
+            noted.before.map(body::seal),
+            noted.after.map(body::seal),
             size,
         ])
         .map(|_| ())
@@ -115,7 +117,15 @@ pub(super) fn bound(
     let sql = "SELECT sequence FROM changes WHERE volume < (SELECT max(volume) FROM changes) - ?
                ORDER BY sequence DESC LIMIT 1";
     let last: Option<i64> = connection.query_row(sql, [most / 4 * 3], |row| row.get(0)).optional()?;
-    let Some(last) = last else { return Ok(()) };
+    last.map_or(Ok(()), |last| cut(connection, last, before))
+}
+
+/// Removes the changes up to `last`, and marks the watchers that had not taken them. `before` gets `last`.
+pub(super) fn cut(
+    connection: &Connection,
+    last: i64,
+    before: impl FnOnce(i64) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
     move_on(connection, last)?;
     before(last)?;
     connection.execute(
@@ -179,6 +189,38 @@ pub(super) fn kind(code: i64) -> Option<ChangeKind> {
         code => {
             [Insert, Update, Replace, Delete, Drop, DropDatabase].into_iter().find(|kind| self::code(*kind) == code)
         }
+    }
+}
+
+/// Calls `report` for each damaged change, with its number and what is wrong.
+pub(super) fn find_damage(connection: &Connection, report: &mut dyn FnMut(i64, String)) -> rusqlite::Result<()> {
+    let mut statement = connection.prepare("SELECT sequence, before, after, kind FROM changes ORDER BY sequence")?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        if let Err(wrong) = verify(row) {
+            report(row.get("sequence")?, wrong);
+        }
+    }
+    Ok(())
+}
+
+/// Checks a row of the log; the error says what is wrong with it.
+fn verify(row: &Row<'_>) -> Result<(), String> {
+    let read = |column: &str| match row.get_ref(column).and_then(|stored| Ok(stored.as_blob_or_null()?)) {
+        Ok(None) => Ok(()),
+        Ok(Some(stored)) => match body::open(stored) {
+            Ok(_) => Ok(()),
+            Err(damage) => {
+                let of = body::name(stored).map(|id| format!("the document with _id {id}: ")).unwrap_or_default();
+                Err(format!("{of}{}", damage.describe()))
+            }
+        },
+        Err(error) => Err(error.to_string()),
+    };
+    read("before").and_then(|()| read("after"))?;
+    match row.get("kind").map(kind) {
+        Ok(Some(_)) => Ok(()),
+        _ => Err("its kind is unknown".to_owned()),
     }
 }
 

@@ -9,7 +9,7 @@ use rusqlite::{Connection, params};
 use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::snapshot::Snapshot;
-use super::{Embedded, body};
+use super::{Embedded, body, change_log};
 use crate::store::{Checked, Namespace, StoreError};
 
 /// How many findings of SQLite's own check are reported.
@@ -29,8 +29,11 @@ impl Embedded {
                 report(&format!("{ns} cannot be read to its end: {error}"));
             }
         }
-        if let Err(error) = self.check_log(report) {
-            report(&format!("the log of changes cannot be read: {error}"));
+        let changes = change_log::find_damage(&self.connection, &mut |sequence, wrong| {
+            report(&format!("the change {sequence} in the log is damaged: {wrong}"));
+        });
+        if let Err(error) = changes {
+            report(&format!("the log of changes cannot be read: {}", self.explain(&error)));
         }
         Ok(checked)
     }
@@ -103,26 +106,6 @@ impl Embedded {
             missing += u64::from(!statement.exists(params![key, position]).map_err(|e| self.explain(&e))?);
         }
         Ok((keys.len() as u64, missing))
-    }
-
-    fn check_log(&self, report: &mut dyn FnMut(&str)) -> Result<(), StoreError> {
-        let sql = "SELECT sequence, before, after, kind FROM changes ORDER BY sequence";
-        let mut statement = self.connection.prepare(sql).map_err(|e| self.explain(&e))?;
-        let mut rows = statement.query([]).map_err(|e| self.explain(&e))?;
-        while let Some(row) = rows.next().map_err(|e| self.explain(&e))? {
-            let sequence: i64 = row.get(0).map_err(|e| self.explain(&e))?;
-            let images = [1, 2].map(|column| row.get::<_, Option<Vec<u8>>>(column));
-            let is_good = images.into_iter().all(|image| match image {
-                Ok(None) => true,
-                Ok(Some(bytes)) => RawDocument::from_bytes(&bytes).is_ok_and(body::is_well_formed),
-                Err(_) => false,
-            });
-            let kind = row.get(3).map(super::change_log::kind);
-            if !is_good || !matches!(kind, Ok(Some(_))) {
-                report(&format!("the change {sequence} in the log is damaged"));
-            }
-        }
-        Ok(())
     }
 }
 

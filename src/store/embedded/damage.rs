@@ -9,6 +9,8 @@ pub(super) enum Damage {
     Checksum,
     /// It is not well-formed BSON.
     Structure,
+    /// The key of its row is not that of its `_id`.
+    Key,
 }
 
 impl Damage {
@@ -18,6 +20,7 @@ impl Damage {
             Self::Length => "its length is wrong",
             Self::Checksum => "its checksum is wrong",
             Self::Structure => "it is not well-formed BSON",
+            Self::Key => "it is stored under another _id",
         }
     }
 }

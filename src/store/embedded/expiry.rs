@@ -8,10 +8,10 @@
 use bson::{Bson, DateTime, doc};
 use rusqlite::{OptionalExtension as _, params};
 
-use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::Indexed;
 use super::scan::Found;
+use super::{Embedded, failure};
 use crate::query::index::{Candidate, Range, ways};
 use crate::query::{Filter, QueryError, Sort};
 use crate::store::{Namespace, StoreError};
@@ -79,7 +79,8 @@ impl Embedded {
             for position in positions {
                 let mut statement = self.connection.prepare_cached(&body)?;
                 let found = statement.query_row([position], |row| row.get(0)).optional()?;
-                rows.extend(found.map(|body| (position, body)));
+                // Within a transaction, what is listed is there.
+                rows.push((position, found.ok_or_else(failure::no_document)?));
             }
             Ok(rows)
         };

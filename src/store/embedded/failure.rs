@@ -49,6 +49,11 @@ pub(super) fn damage(what: &str) -> Error {
     Error::SqliteFailure(ffi::Error::new(ffi::SQLITE_CORRUPT), Some(what.to_owned()))
 }
 
+/// That an index lists a document that is not there.
+pub(super) fn no_document() -> Error {
+    damage("an index lists a document that is not there")
+}
+
 /// Refuses a document that does not come behind the one before it: a page that is another one's copy would be read
 /// again and again.
 pub(super) fn check_order(position: i64, before: i64) -> Result<(), Error> {
@@ -58,6 +63,16 @@ pub(super) fn check_order(position: i64, before: i64) -> Result<(), Error> {
 /// Whether SQLite found the file damaged.
 pub(super) fn is_damage(error: &Error) -> bool {
     error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt)
+}
+
+/// Whether the file is none of SQLite.
+pub(super) fn is_no_database(error: &Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::NotADatabase)
+}
+
+/// Whether there was no room on the disk.
+pub(super) fn is_full_disk(error: &Error) -> bool {
+    error.sqlite_error_code() == Some(ErrorCode::DiskFull)
 }
 
 fn unreachable(place: &Place, reason: String) -> StoreError {
@@ -97,6 +112,17 @@ pub(super) fn no_room_to_delete(place: &Place) -> StoreError {
 pub(super) fn explain_copy(place: &Place, error: &Error) -> StoreError {
     match explain(place, error) {
         StoreError::DiskFull { .. } => full(place, NO_ROOM_TO_COPY),
+        other => other,
+    }
+}
+
+/// An error of a file that gets its name at the end, said of that name.
+pub(super) fn of_copy(place: &Place, error: StoreError) -> StoreError {
+    let address = place.to_string();
+    match error {
+        StoreError::DiskFull { .. } => full(place, NO_ROOM_TO_COPY),
+        StoreError::Failed { reason, .. } => StoreError::Failed { address, reason },
+        StoreError::Unreachable { reason, may_be_done, .. } => StoreError::Unreachable { address, reason, may_be_done },
         other => other,
     }
 }

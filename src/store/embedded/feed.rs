@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, RawDocumentBuf};
 use rusqlite::params;
+use rusqlite::types::ValueRef;
 
-use super::damage::Damage;
 use super::notifier::Notifier;
 use super::page::PageError;
 use super::place::Place;
@@ -53,8 +53,13 @@ impl Embedded {
         match error {
             PageError::Store(error) => self.explain(&error),
             PageError::Query(error) => error.into(),
-            PageError::Damaged(damage, _) => {
-                self.fail(&format!("a change of {ns} in the log is damaged: {}", damage.describe()))
+            PageError::Damaged(damage, id) => {
+                let of = id.map_or_else(|| ns.to_string(), |id| format!("the document with _id {id} of {ns}"));
+                self.fail(&format!(
+                    "a change of {of} in the log is damaged: {}; list all damage with `rmem doctor --deep`, and copy what can \
+                     be read into a new file with `rmem repair -o FILE`",
+                    damage.describe()
+                ))
             }
         }
     }
@@ -248,10 +253,12 @@ impl Drop for Feed<'_> {
 /// A row of the log.
 pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
     let document = |column: &str| -> Result<Option<RawDocumentBuf>, PageError> {
-        let bytes: Option<Vec<u8>> = row.get(column)?;
-        let Some(bytes) = bytes else { return Ok(None) };
-        let document = RawDocumentBuf::from_bytes(bytes).ok().filter(|document| body::is_well_formed(document));
-        document.map(Some).ok_or(PageError::Damaged(Damage::Structure, None))
+        let stored = row.get_ref(column)?;
+        if stored == ValueRef::Null {
+            Ok(None)
+        } else {
+            body::of_column(stored).map(|document| Some(document.to_owned()))
+        }
     };
     let sequence: i64 = row.get("sequence")?;
     let (before, after) = (document("before")?, document("after")?);

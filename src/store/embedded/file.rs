@@ -22,6 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use rusqlite::config::DbConfig;
 use rusqlite::{Connection, OpenFlags};
 
 use super::catalog_cache::CatalogCache;
@@ -138,21 +139,7 @@ impl Embedded {
 
     /// Opens a file that does not change, so that it is read without a log beside it.
     fn open_unchanging(path: &Path, place: Place) -> Result<Self, StoreError> {
-        if has_log(path) {
-            return Err(StoreError::Failed {
-                address: place.to_string(),
-                reason: "is on a read-only file system, with writes still in its log (-wal); copy both files \
-                         to where they can be written"
-                    .to_owned(),
-            });
-        }
-        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
-            | OpenFlags::SQLITE_OPEN_URI
-            | OpenFlags::SQLITE_OPEN_NO_MUTEX
-            | OpenFlags::SQLITE_OPEN_EXRESCODE;
-        let connection =
-            Connection::open_with_flags(unchanging(path), flags).map_err(|e| failure::explain(&place, &e))?;
-        Self::prepare(connection, place)
+        Self::prepare(connect_unchanging(path, &place)?, place)
     }
 
     /// The same file opened once more, with a quarter of the cache; none where that cannot be done, or another file has taken
@@ -179,14 +166,19 @@ impl Embedded {
         let is_brief = Arc::new(AtomicBool::new(false));
         busy::install(&mut connection, Arc::clone(&is_brief), place.log()).map_err(explain)?;
         connection.set_prepared_statement_cache_capacity(64);
-        match busy::retry(|| Marks::read(&connection)).map_err(explain)? {
+        let marks =
+            busy::retry(|| Marks::read(&connection)).map_err(|error| match failure::is_no_database(&error) {
+                true => foreign(&place),
+                false => explain(error),
+            })?;
+        match marks {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
             Marks { application: APPLICATION, version: UNSEALED, .. } => upgrade(&connection).map_err(explain)?,
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
             Marks { application: 0, version: 0, blank: true } if is_ours(&connection).map_err(explain)? => {
                 lay_out(&connection).map_err(explain)?;
             }
-            _ => return Err(foreign(&place)),
+            _ => return Err(unmarked(&place, &connection)),
         }
         tune(&connection).map_err(explain)?;
         Ok(Self {
@@ -205,6 +197,68 @@ impl Embedded {
             spare: Spare::default(),
         })
     }
+}
+
+/// Connects to a file that may be damaged, to read it. It stays as it is, and so does what is beside it.
+///
+/// # Errors
+/// Where there is none, or it cannot be read.
+pub(super) fn to_salvage(path: &Path) -> Result<Connection, StoreError> {
+    let place = Place::File(path.to_owned());
+    let explain = |error: rusqlite::Error| failure::explain(&place, &error);
+    if let Some(reason) = special(path) {
+        return Err(StoreError::unreachable(place.to_string(), reason));
+    }
+    let leniently = |connection: Connection| {
+        // Else SQLite refuses a file that has lost its end.
+        let lenient = connection.pragma_update(None, "writable_schema", "ON");
+        lenient.and_then(|()| connection.pragma_update(None, "query_only", "ON")).map(|()| connection)
+    };
+    if is_read_only(path) || !has_log(path) && (!may_write(path) || !may_log(path)) {
+        return leniently(connect_unchanging(path, &place)?).map_err(explain);
+    }
+    let open = |access| {
+        let flags = access | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_EXRESCODE;
+        Connection::open_with_flags(path, flags)
+    };
+    // What only reads folds no log into the file; and what may write removes the empty log that it made.
+    let access = if has_log(path) { OpenFlags::SQLITE_OPEN_READ_ONLY } else { OpenFlags::SQLITE_OPEN_READ_WRITE };
+    let connection = open(access).and_then(leniently).map_err(explain)?;
+    match Marks::read(&connection).map_err(explain) {
+        // There is no room for the index of its log.
+        Err(StoreError::DiskFull { .. }) if has_log(path) => {
+            let connection = open(OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(explain)?;
+            connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true).map_err(explain)?;
+            connection.pragma_update(None, "locking_mode", "EXCLUSIVE").map_err(explain)?;
+            leniently(connection).map_err(explain)
+        }
+        Err(StoreError::DiskFull { .. }) => leniently(connect_unchanging(path, &place)?).map_err(explain),
+        // What else is wrong is found as it is read.
+        _ => Ok(connection),
+    }
+}
+
+/// Connects to a file that does not change.
+fn connect_unchanging(path: &Path, place: &Place) -> Result<Connection, StoreError> {
+    if has_log(path) {
+        return Err(StoreError::Failed {
+            address: place.to_string(),
+            reason: "is on a read-only file system, with writes still in its log (-wal); copy both files \
+                     to where they can be written"
+                .to_owned(),
+        });
+    }
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+        | OpenFlags::SQLITE_OPEN_URI
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_EXRESCODE;
+    Connection::open_with_flags(unchanging(path), flags).map_err(|e| failure::explain(place, &e))
+}
+
+/// Whether there is nothing in a file. (The files of a virtual file system have no size.)
+pub(super) fn is_empty(path: &Path) -> bool {
+    use std::io::Read as _;
+    !has_log(path) && std::fs::File::open(path).and_then(|mut file| file.read(&mut [0])).is_ok_and(|read| read == 0)
 }
 
 /// Removes a file that has not become a memory, with what is beside it. What another process laid out, or uses, stays.
@@ -370,11 +424,43 @@ fn wrong_version(place: &Place, version: i32) -> StoreError {
     }
 }
 
+/// The error for a file without the tables of a memory.
 pub(super) fn foreign(place: &Place) -> StoreError {
-    StoreError::Failed {
-        address: place.to_string(),
-        reason: "it is an SQLite database of another program, not an rmem memory; name another file".to_owned(),
+    let head = place.file().and_then(|path| head(&path));
+    let is_marked = head.is_some_and(|head| head[68..] == APPLICATION.to_be_bytes());
+    let reason = match head.is_some_and(|head| head.starts_with(b"SQLite format 3\0")) {
+        true if is_marked => {
+            "it is damaged: the list of its collections is lost, without which nothing can be read; restore a backup"
+        }
+        true => "it is an SQLite database of another program, not an rmem memory; name another file",
+        false if is_marked => {
+            "it is damaged: it does not begin as a memory does, without which nothing can be read; restore a backup"
+        }
+        false => "it is not an rmem memory; name another file",
+    };
+    StoreError::Failed { address: place.to_string(), reason: reason.to_owned() }
+}
+
+/// The error for a database without the marks of a memory.
+fn unmarked(place: &Place, connection: &Connection) -> StoreError {
+    let sql = "SELECT count(*) = 4 FROM sqlite_schema WHERE name IN ('collections', 'indexes', 'watchers', 'changes')";
+    match connection.query_row(sql, [], |row| row.get(0)) {
+        Ok(true) => StoreError::Failed {
+            address: place.to_string(),
+            reason:
+                "it is damaged: its first page has lost the marks of a memory; copy what can be read into a new file \
+                     with `rmem repair -o FILE`"
+                    .to_owned(),
+        },
+        _ => foreign(place),
     }
+}
+
+/// What an SQLite file begins with, up to the number of its program.
+fn head(path: &Path) -> Option<[u8; 72]> {
+    use std::io::Read as _;
+    let mut head = [0; 72];
+    std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head)).ok().map(|()| head)
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ impl Embedded {
         placed.sort_by(|a, b| a.0.total_cmp(&b.0));
         let positions = placed.into_iter().map(|(_, position)| position).collect();
         let explanation = doc! { "index": index, "near": near.path() };
-        Ok(Chosen { way: Way::Positions(positions), is_sorted: sort.is_empty(), explanation, keys: 0 })
+        Ok(Chosen { way: Way::Positions(positions, Vec::new()), is_sorted: sort.is_empty(), explanation, keys: 0 })
     }
 
     /// Checks that there is an index which MongoDB could answer with, and gives its name.

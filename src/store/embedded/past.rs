@@ -8,7 +8,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 use super::history::{self, Kept};
 use super::page::PageError;
 use super::snapshot::Snapshot;
-use super::{Embedded, change_log, feed};
+use super::{Embedded, body, change_log, feed};
 use crate::query::{Collation, key};
 use crate::store::history::{not_kept, too_old};
 use crate::store::{ChangeKind, Entry, History, Namespace, StoreError};
@@ -170,8 +170,8 @@ impl Iterator for Entries<'_> {
 
 /// The collation that a dropped collection had.
 fn collation(row: &rusqlite::Row<'_>) -> rusqlite::Result<Option<Collation>> {
-    let definition: Option<Vec<u8>> = row.get("before")?;
-    let definition = definition.and_then(|bytes| Document::from_reader(&bytes[..]).ok());
+    let stored: Option<Vec<u8>> = row.get("before")?;
+    let definition = stored.and_then(|stored| Document::try_from(body::open(&stored).ok()?).ok());
     Ok(definition.and_then(|definition| Collation::parse(&definition).ok()))
 }
 

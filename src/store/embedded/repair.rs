@@ -4,17 +4,17 @@
 //! can be read is copied, with the indexes, the names of watches and the log of changes.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use bson::Document;
-use rusqlite::{Connection, OpenFlags, OptionalExtension as _, params};
+use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
+use super::damage::Damage;
+use super::new_file::NewFile;
+use super::page::PageError;
 use super::place::Place;
-use super::scan::Scan;
-use super::{Embedded, body, failure, file, history};
-use crate::query::{Filter, QueryError};
-use crate::store::{Index, Namespace, StoreError, document, index};
+use super::{Embedded, body, change_log, failure, file, history};
+use crate::query::QueryError;
+use crate::store::{Index, Namespace, Store as _, StoreError, document, index};
 
 /// What a repair did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -46,11 +46,50 @@ impl Embedded {
                 self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
                 done.collections += 1;
                 // Each document is read, so that a damaged one is found also where no index is made.
-                let mut all = Arc::new(Filter::parse(&Document::new())?);
-                done.documents += Scan::new(self, collection, &mut all)?.count()?;
+                done.documents += self.check_documents(collection)?;
                 done.indexes += self.refill_indexes(&ns, collection)?;
             }
+            self.check_changes()?;
             Ok(done)
+        })
+    }
+
+    /// Checks the documents of a collection and returns how many there are.
+    fn check_documents(&self, collection: Collection) -> Result<u64, StoreError> {
+        let sql = format!("SELECT position, key, body FROM {} NOT INDEXED ORDER BY position", collection.table());
+        let read = || -> Result<u64, PageError> {
+            let mut statement = self.connection.prepare(&sql)?;
+            let (mut rows, mut behind, mut count) = (statement.query([])?, i64::MIN, 0);
+            while let Some(row) = rows.next()? {
+                let position = row.get(0)?;
+                failure::check_order(position, behind)?;
+                let document = body::of_column(row.get_ref(2)?)?;
+                if !body::has_key(document, row.get_ref(1)?.as_blob().map_err(rusqlite::Error::from)?) {
+                    return Err(PageError::Damaged(Damage::Key, body::name(document.as_bytes())));
+                }
+                (behind, count) = (position, count + 1);
+            }
+            Ok(count)
+        };
+        read().map_err(|error| match error {
+            PageError::Store(error) => self.explain(&error),
+            PageError::Query(error) => error.into(),
+            PageError::Damaged(damage, id) => self.damaged(collection, id.as_deref(), damage),
+        })
+    }
+
+    /// Refuses a log of changes in which something is damaged.
+    fn check_changes(&self) -> Result<(), StoreError> {
+        let mut damaged = None;
+        change_log::find_damage(&self.connection, &mut |sequence, wrong| {
+            damaged.get_or_insert((sequence, wrong));
+        })
+        .map_err(|e| self.explain(&e))?;
+        damaged.map_or(Ok(()), |(sequence, wrong)| {
+            Err(self.fail(&format!(
+                "the change {sequence} in the log is damaged: {wrong}; copy what can be read into a new file with \
+                 `rmem repair -o FILE`"
+            )))
         })
     }
 
@@ -60,37 +99,48 @@ impl Embedded {
     /// Where the list of collections cannot be read, or the new file exists or cannot be written.
     pub fn salvage(from: &Path, to: &Path) -> Result<Repaired, StoreError> {
         let place = Place::File(from.to_owned());
-        let explain = |error: rusqlite::Error| failure::explain(&place, &error);
-        if to.try_exists().unwrap_or(true) {
-            let reason = "exists already; name a file that does not exist yet".to_owned();
-            return Err(StoreError::Failed { address: Place::File(to.to_owned()).to_string(), reason });
-        }
-        let flags =
-            OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_EXRESCODE;
-        let source = Connection::open_with_flags(from, flags).map_err(explain)?;
-        // Else SQLite refuses a file that has lost its end.
-        source.pragma_update(None, "writable_schema", "ON").map_err(explain)?;
-        if from.metadata().is_ok_and(|found| found.len() == 0) {
-            // It is a memory in which nothing was stored.
-            return Self::open(to).map(|_| Repaired::default());
-        }
-        let collections = collections(&source).map_err(|error| match failure::is_gone(&error) {
-            true => file::foreign(&place),
-            false => explain(error),
-        })?;
-        let target = Self::open(to)?;
-        let mut done = Repaired::default();
+        let new = NewFile::beside(to)?;
+        let source = file::to_salvage(from)?;
+        // An empty file is a memory in which nothing was stored.
+        let collections = match file::is_empty(from) {
+            true => None,
+            false => Some(collections(&source).map_err(|error| {
+                match failure::is_gone(&error) || failure::is_no_database(&error) {
+                    true => file::foreign(&place),
+                    false => failure::explain(&place, &error),
+                }
+            })?),
+        };
+        new.permit_as(from)?;
+        let copied = Self::open(new.staged()).and_then(|target| {
+            let mut done = Repaired::default();
+            if let Some(collections) = collections {
+                target.salvage_all(&source, collections, &mut done)?;
+            }
+            target.fold().map(|()| done)
+        });
+        let done = copied.map_err(|error| failure::of_copy(new.place(), error))?;
+        new.keep().map(|()| done)
+    }
+
+    fn salvage_all(
+        &self,
+        source: &Connection,
+        collections: Vec<(i64, Namespace)>,
+        done: &mut Repaired,
+    ) -> Result<(), StoreError> {
         for (id, ns) in collections {
             done.collections += 1;
-            target.write(|| target.salvage_collection(&source, id, &ns, &mut done))?;
+            self.write(|| self.salvage_collection(source, id, &ns, done))?;
         }
-        target.write(|| {
-            if let Err(error) = target.salvage_watchers(&source) {
+        self.write(|| match self.salvage_watchers(source, done) {
+            Err(error) if failure::is_full_disk(&error) => Err(self.explain(&error)),
+            Err(error) => {
                 done.lost.push(format!("the names of watches and the log of changes: {error}"));
+                Ok(())
             }
-            Ok(())
-        })?;
-        Ok(done)
+            Ok(()) => Ok(()),
+        })
     }
 
     fn salvage_collection(
@@ -108,9 +158,9 @@ impl Embedded {
                 Ok(None) => break,
                 Ok(Some((found, stored))) => {
                     position = found;
-                    match self.salvage_document(ns, collection, &stored) {
-                        Ok(()) => done.documents += 1,
-                        Err(error) => done.lost.push(error),
+                    match self.salvage_document(ns, collection, &stored)? {
+                        None => done.documents += 1,
+                        Some(lost) => done.lost.push(lost),
                     }
                 }
                 Err(_) => {
@@ -125,13 +175,14 @@ impl Embedded {
             }
         }
         for definition in definitions(source, id) {
-            let index = definition.ok_or_else(|| "a definition cannot be read".to_owned());
-            let made = index.and_then(|index| {
-                self.salvage_index(ns, collection, &index).map_err(|error| format!("{}: {error}", index.name))
-            });
-            match made {
+            let Some(index) = definition else {
+                done.lost.push(format!("{ns}: an index: a definition cannot be read"));
+                continue;
+            };
+            match self.salvage_index(ns, collection, &index) {
                 Ok(made) => done.indexes += u64::from(made),
-                Err(error) => done.lost.push(format!("{ns}: an index: {error}")),
+                Err(error @ StoreError::DiskFull { .. }) => return Err(error),
+                Err(error) => done.lost.push(format!("{ns}: an index: {}: {error}", index.name)),
             }
         }
         Ok(())
@@ -145,17 +196,29 @@ impl Embedded {
         }
     }
 
-    /// Copies one document; the error says what is lost.
-    fn salvage_document(&self, ns: &Namespace, collection: Collection, stored: &[u8]) -> Result<(), String> {
+    /// Copies one document; returns what is lost, if anything is.
+    fn salvage_document(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        stored: &[u8],
+    ) -> Result<Option<String>, StoreError> {
         let name =
             || body::name(stored).map_or_else(|| "a document".to_owned(), |id| format!("the document with _id {id}"));
-        let document = body::open(stored).map_err(|damage| format!("{ns}: {}: {}", name(), damage.describe()))?;
+        let document = match body::open(stored) {
+            Ok(document) => document,
+            Err(damage) => return Ok(Some(format!("{ns}: {}: {}", name(), damage.describe()))),
+        };
         let added =
             document::vet(document).map_err(StoreError::from).and_then(|id| self.add(ns, collection, &id, document));
-        added.map_err(|error| format!("{ns}: {}: {error}", name()))
+        match added {
+            Ok(()) => Ok(None),
+            Err(error @ StoreError::DiskFull { .. }) => Err(error),
+            Err(error) => Ok(Some(format!("{ns}: {}: {error}", name()))),
+        }
     }
 
-    fn salvage_watchers(&self, source: &Connection) -> rusqlite::Result<()> {
+    fn salvage_watchers(&self, source: &Connection, done: &mut Repaired) -> rusqlite::Result<()> {
         copy(source, &self.connection, "watchers", "id, name, database, collection, position, missed, holder, beat")?;
         copy(source, &self.connection, "changes", "sequence, database, collection, kind, time, before, after, volume")?;
         history::prepare(&self.connection)?;
@@ -171,6 +234,17 @@ impl Embedded {
             self.connection.execute("DELETE FROM sqlite_sequence WHERE name = 'changes'", [])?;
             self.connection.execute("INSERT INTO sqlite_sequence (name, seq) VALUES ('changes', ?)", [last])?;
         }
+        self.cut_damaged_changes(done)
+    }
+
+    /// Removes the changes of the log up to the last one that is damaged: what is read of it has no gaps.
+    fn cut_damaged_changes(&self, done: &mut Repaired) -> rusqlite::Result<()> {
+        let mut damaged = None;
+        change_log::find_damage(&self.connection, &mut |sequence, wrong| damaged = Some((sequence, wrong)))?;
+        let Some((last, wrong)) = damaged else { return Ok(()) };
+        let kept = history::current(&self.connection)?;
+        change_log::cut(&self.connection, last, |last| history::cut(&self.connection, &kept, last))?;
+        done.lost.push(format!("the changes up to {last} in the log, which is damaged: {wrong}"));
         Ok(())
     }
 }
@@ -274,7 +348,7 @@ impl Embedded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Find, Store as _};
+    use crate::store::Find;
     use bson::doc;
 
     /// A file of which one page of documents was overwritten with an earlier one.

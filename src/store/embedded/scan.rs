@@ -41,6 +41,8 @@ pub(super) struct Scan<'a> {
     collection: Collection,
     filter: Arc<Filter>,
     rest: Rest,
+    /// What listed the positions that are read now, until a document was missing there and the lists were looked through.
+    listings: Vec<Listing>,
     page: VecDeque<Found>,
     /// Whether matches before a document at which the filter fails are found first.
     is_up_to_failure: bool,

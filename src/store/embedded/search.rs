@@ -56,7 +56,7 @@ impl Embedded {
         });
         let positions = ranked.chain(unscored).filter(|position| seen.insert(*position)).collect();
         let explanation = doc! { "index": &index.0.definition.name, "keys": index.0.definition.keys.clone() };
-        Ok(Chosen { way: Way::Positions(positions), is_sorted: sort.is_empty(), explanation, keys: 0 })
+        Ok(Chosen { way: Way::Positions(positions, Vec::new()), is_sorted: sort.is_empty(), explanation, keys: 0 })
     }
 
     /// Lets the search of a filter know what it searches.

@@ -78,10 +78,14 @@ impl<'a> Scan<'a> {
         chosen: Chosen,
     ) -> Result<Self, StoreError> {
         let last = |store: &Embedded| collection.last(&store.connection).map_err(|e| store.explain(&e));
+        let mut listings = Vec::new();
         let rest = match chosen.way {
             _ if filter.matches_none() => Rest::Nothing,
             Way::Walk => Rest::Between(i64::MIN, last(store)?),
-            Way::Positions(positions) => Rest::At(positions),
+            Way::Positions(positions, listed_by) => {
+                listings = listed_by;
+                Rest::At(positions)
+            }
             // What it lists is read at one moment.
             Way::Listed(listing) => Rest::Listed(listing),
         };
@@ -93,6 +97,7 @@ impl<'a> Scan<'a> {
             // The rest of an index is listed with the first page, so that page is large.
             page_documents: if matches!(rest, Rest::Listed(_)) { PAGE_DOCUMENTS } else { 1 },
             rest,
+            listings,
             page: VecDeque::new(),
             is_up_to_failure: false,
             failure: None,

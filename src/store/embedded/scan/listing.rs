@@ -5,13 +5,13 @@
 use crate::store::embedded::access::Listing;
 
 impl Listing {
-    /// What reads the documents of a range behind a key and a position.
+    /// What reads the documents of a range behind a key and a position; nothing in place of one that is not there.
     pub(super) fn documents_sql(&self, documents: &str) -> String {
         let index = self.table.as_str();
         let mut sql = String::with_capacity(256 + 8 * index.len() + 2 * documents.len());
         push(&mut sql, &["SELECT ", index, ".key, ", index, ".position, ", documents, ".body FROM ", index]);
         if index != documents {
-            push(&mut sql, &[" CROSS JOIN ", documents, " USING (position)"]);
+            push(&mut sql, &[" LEFT JOIN ", documents, " USING (position)"]);
         }
         self.push_range(&mut sql);
         sql
@@ -23,6 +23,15 @@ impl Listing {
         push(&mut sql, &["SELECT position FROM ", &self.table]);
         self.push_range(&mut sql);
         sql
+    }
+
+    /// What finds the positions of a range at which there is no document.
+    pub(super) fn lost_sql(&self, documents: &str) -> String {
+        format!(
+            "SELECT position FROM {} AS listed WHERE key >= ? AND key < ? AND NOT EXISTS (
+                 SELECT 1 FROM {documents} WHERE {documents}.position = listed.position)",
+            self.table
+        )
     }
 
     fn push_range(&self, sql: &mut String) {
@@ -50,7 +59,7 @@ mod tests {
         assert_eq!(
             of("entries_3", true).documents_sql("documents_1"),
             "SELECT entries_3.key, entries_3.position, documents_1.body \
-             FROM entries_3 CROSS JOIN documents_1 USING (position) \
+             FROM entries_3 LEFT JOIN documents_1 USING (position) \
              WHERE (entries_3.key, entries_3.position) < (?1, ?2) AND entries_3.key >= ?3 \
              ORDER BY entries_3.key DESC, entries_3.position DESC"
         );

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use bson::RawDocument;
 use rusqlite::params;
+use rusqlite::types::ValueRef;
 
 use super::examined::Examined;
 use super::sharing::LONG;
@@ -85,18 +86,22 @@ impl Scan<'_> {
     }
 
     pub(super) fn read_at(
-        &self,
+        &mut self,
         mut positions: VecDeque<i64>,
         take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
         // A transaction for each document would take longer than reading it.
-        let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&self.store.connection)).transpose()?;
+        let store = self.store;
+        let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&store.connection)).transpose()?;
         let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let mut statement = store.connection.prepare_cached(&sql)?;
         for _ in 0..PAGE_ROWS {
             let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
             let mut rows = statement.query([position])?;
-            let Some(row) = rows.next()? else { continue };
+            let Some(row) = rows.next()? else {
+                self.check_listings()?;
+                continue;
+            };
             let body = body::of_column(row.get_ref(0)?)?;
             Examined::add(&self.examined.documents, 1);
             if self.matches(body)? && !take(position, body) {
@@ -106,15 +111,42 @@ impl Scan<'_> {
         Ok(Rest::At(positions))
     }
 
+    /// Checks that a document which is not there any more was removed, and not lost: what is lost stays in the list.
+    /// Where that holds at one moment, it holds for what is missing later.
+    fn check_listings(&mut self) -> rusqlite::Result<()> {
+        for listing in std::mem::take(&mut self.listings) {
+            match self.is_sound(&listing) {
+                Ok(true) => {}
+                Ok(false) => return Err(failure::no_document()),
+                // An index that another process dropped lists nothing.
+                Err(error) if failure::is_gone(&error) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether all documents are there that are listed at this moment.
+    fn is_sound(&self, listing: &Listing) -> rusqlite::Result<bool> {
+        let mut statement = self.store.connection.prepare_cached(&listing.lost_sql(&self.collection.table()))?;
+        for range in &listing.ranges {
+            if statement.exists([&range.low, &range.high])? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// Reads a page, and where the rest is, at one moment.
     pub(super) fn read_listed(
-        &self,
+        &mut self,
         mut listing: Listing,
         take: &mut dyn FnMut(i64, &RawDocument) -> More,
     ) -> Result<Rest, PageError> {
-        let _snapshot = Snapshot::begin(&self.store.connection)?;
+        let store = self.store;
+        let _snapshot = Snapshot::begin(&store.connection)?;
         let sql = listing.documents_sql(&self.collection.table());
-        let mut statement = self.store.connection.prepare_cached(&sql)?;
+        let mut statement = store.connection.prepare_cached(&sql)?;
         let mut taken = 0;
         while let Some(range) = listing.ranges.front() {
             let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
@@ -123,6 +155,9 @@ impl Scan<'_> {
                 Examined::add(&self.examined.keys, 1);
                 Examined::add(&self.examined.documents, 1);
                 let position = row.get(1)?;
+                if row.get_ref(2)? == ValueRef::Null {
+                    return Err(failure::no_document().into());
+                }
                 let body = body::of_column(row.get_ref(2)?)?;
                 if !self.matches(body)? {
                     continue;
@@ -141,7 +176,8 @@ impl Scan<'_> {
     }
 
     /// Where the documents are that the index lists behind a key and a position.
-    fn list(&self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
+    fn list(&mut self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
+        self.listings = vec![listing.clone()];
         let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
         let (mut behind, mut positions) = (Some(behind), VecDeque::new());
         while let Some(range) = listing.ranges.pop_front() {
@@ -154,5 +190,31 @@ impl Scan<'_> {
         }
         Examined::add(&self.examined.keys, positions.len() as u64);
         Ok(Rest::At(positions))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bson::{Document, doc};
+
+    use crate::store::{Embedded, Find, Index, Namespace, Store as _};
+
+    #[test]
+    fn documents_that_others_remove_between_two_pages_are_no_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let (store, other) = (Embedded::open(&path).unwrap(), Embedded::open(&path).unwrap());
+        let ns = Namespace::parse("a.b").unwrap();
+        store.insert(&ns, (0..3_000).map(|n| doc! { "_id": n, "n": n }).collect()).unwrap();
+        store.create_index(&ns, &Index::on(doc! { "n": 1 })).unwrap();
+        let some = doc! { "$or": [{ "n": { "$lt": 2_900 } }, { "_id": { "$gte": 2_900 } }] };
+        let finds = [(doc! {}, doc! { "n": 1 }), (doc! {}, doc! { "_id": 1 }), (some, Document::new())];
+        for (nth, (filter, sort)) in (1..).zip(finds) {
+            let find = Find { filter, sort, ..Find::default() };
+            let mut found = store.find(&ns, &find).unwrap();
+            assert!(found.next().is_some_and(|first| first.is_ok()));
+            other.delete(&ns, (&doc! { "_id": 2_000 + nth }).into(), true).unwrap();
+            assert_eq!(found.map(Result::unwrap).count(), 2_999 - nth as usize, "{find:?}");
+        }
     }
 }

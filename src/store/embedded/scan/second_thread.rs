@@ -22,6 +22,7 @@ impl<'a> Scan<'a> {
             filter: Arc::clone(filter),
             page_documents: PAGE_DOCUMENTS,
             rest: Rest::Between(behind, last),
+            listings: Vec::new(),
             page: VecDeque::new(),
             is_up_to_failure: false,
             failure: None,
