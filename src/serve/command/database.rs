@@ -63,13 +63,14 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     let Some(ns) = all.first() else { return empty() };
     memory.note_dropped(&call.request.database)?;
     match call.request.unmet_concern() {
-        Some(failure) if memory.is_current(ns)? => Err(unconfirmed(&call.request.database, &all, &failure)),
+        Some(failure) if memory.is_current(ns)? => Err(unreplicated(&call.request.database, &all, &failure)),
         _ => empty(),
     }
 }
 
-/// The failure of a command that has dropped collections, which nobody confirms: it fails as a whole, on MongoDB too.
-fn unconfirmed(database: &str, dropped: &[Namespace], failure: &Failure) -> Failure {
+/// The failure of a `dropDatabase` whose write concern cannot be met. The collections are dropped, and the command fails, as on
+/// MongoDB.
+fn unreplicated(database: &str, dropped: &[Namespace], failure: &Failure) -> Failure {
     let count = dropped.iter().filter(|ns| ns.collection != RECORDS).count();
     let message = format!(
         "dropDatabase {database} failed waiting for {count} collection drop(s) to replicate. :: caused by :: {}",

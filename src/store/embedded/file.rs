@@ -28,7 +28,7 @@ use rusqlite::{Connection, OpenFlags};
 use super::catalog_cache::CatalogCache;
 use super::indexed::Remembered;
 use super::log_size::LogSize;
-use super::place::Place;
+use super::place::{Place, folder};
 use super::spare::Spare;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
@@ -288,11 +288,10 @@ fn may_write(path: &Path) -> bool {
 
 /// Whether this process may make a log beside the file, or write the one that exists.
 fn may_log(path: &Path) -> bool {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let may = |path: &Path| rustix::fs::access(path, rustix::fs::Access::WRITE_OK).is_ok();
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
-    !path.exists() || may(folder) || may(Path::new(&log))
+    !path.exists() || may(folder(path)) || may(Path::new(&log))
 }
 
 /// Why something that is not a file cannot be a memory.

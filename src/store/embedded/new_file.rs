@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use super::failure;
-use super::place::Place;
+use super::place::{Place, folder};
 use crate::interrupt::Unfinished;
 use crate::process::stale_files;
 use crate::store::StoreError;
@@ -95,8 +95,4 @@ impl<'a> NewFile<'a> {
         staged.persist_noclobber(path).map_err(|error| write(error.error))?;
         std::fs::File::open(folder(path)).and_then(|folder| folder.sync_all()).map_err(write)
     }
-}
-
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

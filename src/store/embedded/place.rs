@@ -16,7 +16,7 @@ impl Place {
     /// The folder of the file.
     pub(super) fn folder(&self) -> Option<&Path> {
         let Self::File(path) = self else { return None };
-        Some(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
+        Some(folder(path))
     }
 
     /// The path of the file.
@@ -38,6 +38,11 @@ impl Place {
         log.push("-wal");
         Some(log.into())
     }
+}
+
+/// The folder of a file.
+pub(super) fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 impl fmt::Display for Place {

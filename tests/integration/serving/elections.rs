@@ -92,7 +92,7 @@ fn elections(program: &Path) -> Result<(), Failed> {
             more()?;
             let second = primary(&members)?;
             if second == first {
-                return Err("nobody else was elected".into());
+                return Err("no other member was elected".into());
             }
             members[second].kill()?;
             more()
