@@ -22,8 +22,8 @@ Examples:
   rmem dump --all -o backup.archive --archive
 
 A PATH that ends in .json, and -, is a world file: Extended JSON to read, compare and commit. Any other path is a \
-folder with DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it; it must not exist yet, and appears \
-whole or not at all.
+folder with DATABASE/COLLECTION.bson and .metadata.json, as mongodump writes it; it must not exist yet, or be empty, \
+and appears whole or not at all.
 
 Folders and archives keep indexes and the metadata of documents; a world file leaves out indexes, and the dates of \
 insertion and update. \

@@ -11,7 +11,7 @@ use crate::exit::Exit;
 use crate::output::amount;
 use crate::saturate::to_i64;
 use crate::store::embedded::Repaired;
-use crate::store::{Embedded, StoreUri};
+use crate::store::{Embedded, StoreError, StoreUri};
 
 /// Rebuild the indexes of a file, or save what can be read of it
 #[derive(Debug, Args)]
@@ -35,7 +35,7 @@ pub(super) fn run(args: &RepairArgs, context: &mut Context<'_>) -> Result<Exit> 
         .and_then(StoreUri::path)
         .ok_or_else(|| UsageError::new("only the file of a memory can be repaired; expected --memory file:PATH"))?;
     if path.metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
-        return Err(UsageError::new(format!("there is no memory at {}", path.display())).into());
+        return Err(StoreError::missing(format!("file:{}", path.display())).into());
     }
     let repaired = match &args.output {
         None => Embedded::open(path)?.rebuild_indexes()?,

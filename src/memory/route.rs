@@ -79,9 +79,7 @@ impl Lazy {
             return self.get();
         }
         if self.expected.get() {
-            let reason =
-                "there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do";
-            return Err(StoreError::unreachable(self.describe(), reason));
+            return Err(StoreError::missing(self.describe()));
         }
         if self.nothing.get().is_none() {
             // The cell is empty: nothing else of this thread can have filled it meanwhile.

@@ -191,7 +191,8 @@ fn report(
     let run = Run {
         is_proven: outcome == Outcome::Unsolvable && planner.is_own(),
         code: ended.code(),
-        is_without_files: matches!(ended.end, End::NoFiles(_)),
+        is_without_files: matches!(ended.end, End::NoFiles(_))
+            || outcome == Outcome::NotExecutable && ended.is_disk_full,
         limit: match ended.end {
             End::OutOfTime => Some(Outcome::OutOfTime),
             End::Starved => Some(Outcome::OutOfMemory),

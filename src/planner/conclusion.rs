@@ -49,6 +49,10 @@ pub(super) fn conclude(
         }
         _ => {}
     }
+    if ended.is_disk_full && !matches!(answer.verdict, Verdict::Unsolvable | Verdict::Plan) && !ended.out_of_memory {
+        let words = "the disk is full, so its program could not write its files; free space there, or set TMPDIR";
+        return (Outcome::NotExecutable, words.to_owned());
+    }
     let crash = crash(&ended.end);
     match answer.verdict {
         Verdict::Plan if crash.is_none() || (keeps && ended.out_of_memory) => {

@@ -36,6 +36,8 @@ pub(crate) struct Ended {
     pub(crate) resident: Option<u64>,
     /// It ran into the limit of memory.
     pub(crate) out_of_memory: bool,
+    /// It ended badly, and the disk of its directory is full.
+    pub(crate) is_disk_full: bool,
     /// It is ending already, and is waited for on drop.
     _supervisor: Option<Supervisor>,
 }
@@ -61,6 +63,7 @@ impl Default for Ended {
             cpu: None,
             resident: None,
             out_of_memory: false,
+            is_disk_full: false,
             _supervisor: None,
         }
     }
@@ -139,6 +142,8 @@ impl Prepared {
         if let Some(share) = share {
             share.release();
         }
+        let is_bad = matches!(end, End::Exited(1..) | End::Signalled(_));
+        let is_disk_full = is_bad && is_full(supervisor.place());
         let rest = limits.time.map(|time| time.saturating_sub(started.elapsed()).max(COLLECT_TIMEOUT));
         let is_kept = self.is_kept && end == End::Interrupted;
         let rest = if is_kept { Some(COLLECT_TIMEOUT) } else { rest };
@@ -152,6 +157,7 @@ impl Prepared {
             cpu: usage.map(|usage| usage.cpu),
             resident: usage.map(|usage| usage.resident << 10).filter(|bytes| *bytes > 0),
             out_of_memory: end == End::Starved || limits.memory.is_some_and(ran_out_of_memory),
+            is_disk_full,
             // Reading that was cut off has its own end; otherwise the program's end counts.
             end: cut.unwrap_or(end),
             stdout,
@@ -160,6 +166,11 @@ impl Prepared {
             _supervisor: Some(supervisor),
         })
     }
+}
+
+/// Whether nothing more can be written in a directory.
+fn is_full(directory: &Path) -> bool {
+    rustix::fs::statvfs(directory).is_ok_and(|disk| disk.f_blocks > 0 && disk.f_bavail == 0)
 }
 
 /// Writes the files that the program reads.

@@ -39,9 +39,14 @@ fn sweep(folder: &Path, prefix: &str) {
     }
 }
 
+/// What SQLite puts behind the name of a file for its log.
+pub(crate) const SQLITE_LOG: &str = "-wal";
+/// What SQLite puts behind the name of a file for those that it makes beside it.
+pub(crate) const SQLITE_ENDS: [&str; 3] = ["-journal", SQLITE_LOG, "-shm"];
+
 /// A name, without what SQLite puts behind it for a file beside another.
 fn own(name: &str) -> &str {
-    ["-journal", "-wal", "-shm"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
+    SQLITE_ENDS.iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
 }
 
 #[cfg(test)]

@@ -133,6 +133,12 @@ impl StoreError {
         Self::Unreachable { address: address.into(), reason: reason.into(), may_be_done: false }
     }
 
+    /// Returns the error for a memory that is expected to be there and has no file.
+    pub(crate) fn missing(address: impl Into<String>) -> Self {
+        let reason = "there is no such file; check its name, or make one: `rmem insert`, `rmem restore` and --load do";
+        Self::unreachable(address, reason)
+    }
+
     /// Returns the error for a computable that failed.
     pub(crate) fn computable(name: &str, error: impl AtFault) -> Self {
         Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }

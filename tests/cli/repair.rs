@@ -207,8 +207,10 @@ fn what_is_no_file_of_a_memory_is_said_and_leaves_no_file() {
         let run = lab.rmem(&["--memory", &format!("file:{source}"), "repair", "-o", "saved.rmem"]).exits(4);
         assert!(run.stderr.contains(expected), "{run}");
     }
-    let run = lab.rmem(&["--memory", "file:missing.rmem", "repair", "-o", "saved.rmem"]).exits(2);
-    assert!(run.stderr.contains("there is no memory at missing.rmem"), "{run}");
+    for options in [&["repair", "-o", "saved.rmem"][..], &["repair"]] {
+        let run = lab.rmem(&[&["--memory", "file:missing.rmem"], options].concat()).exits(4);
+        assert!(run.stderr.contains("cannot open file:missing.rmem: there is no such file; check its name"), "{run}");
+    }
     let mut left: Vec<_> = std::fs::read_dir(lab.path()).unwrap().map(|file| file.unwrap().file_name()).collect();
     left.sort();
     assert_eq!(left, ["loop.rmem", "pipe.rmem"]);

@@ -17,6 +17,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("disk::what_is_stored_is_read_where_others_filled_the_disk", read_without_room),
         Trial::test("disk::what_does_not_fit_leaves_no_file_and_is_said_in_one_way", leave_nothing),
         Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
+        Trial::test("disk::a_planner_that_fills_the_disk_of_its_files_is_no_failed_plan", plan_without_room),
     ]
     .into_iter()
     .map(|trial| trial.with_ignored_flag(cannot_mount))
@@ -74,6 +75,29 @@ fn read_without_room() -> Result<(), Failed> {
     assert!(message.contains("the disk is full; remove other files, and repeat"), "{message}");
     std::fs::remove_file(other)?;
     assert!(disk.rmem(&["delete", "a.b", "{_id: 1}"])?.status.success());
+    Ok(())
+}
+
+/// A planner writes until its disk is full.
+fn plan_without_room() -> Result<(), Failed> {
+    let disk = SmallDisk::mount().ok_or("no file system can be mounted")?;
+    let elsewhere = tempfile::tempdir()?;
+    let write = |name: &str, text: &str| std::fs::write(elsewhere.path().join(name), text);
+    write("rmem.toml", "[planner.greedy]\ncommand = [\"sh\", \"-c\", \"cat /dev/zero > large\"]\noutput = \"auto\"\n")?;
+    write("d.pddl", "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))")?;
+    write("p.pddl", "(define (problem q) (:domain d) (:init) (:goal (p)))")?;
+    let rmem = |args: &[&str]| {
+        let mut rmem = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        rmem.args(["--memory", "file:m.rmem"]).args(args).env("HOME", Path::new("/nonexistent"));
+        rmem.env("TMPDIR", disk.0.path()).current_dir(elsewhere.path()).output()
+    };
+    let output = rmem(&["plan", "--domain", "d.pddl", "--problem", "p.pddl", "--planner", "greedy"])?;
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(4), "{message}");
+    let expected = format!("{}: the disk is full", disk.0.path().display());
+    assert!(message.contains(&expected), "{message}");
+    let stored = rmem(&["count", "robmem.plans"])?;
+    assert_ne!(String::from_utf8_lossy(&stored.stdout).trim(), "1", "a failed plan was stored");
     Ok(())
 }
 

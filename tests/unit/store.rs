@@ -72,6 +72,19 @@ fn a_database_of_another_program_is_refused_and_left_alone() {
 }
 
 #[test]
+fn an_empty_database_of_another_program_with_a_write_ahead_log_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.db");
+    let other = rusqlite::Connection::open(&path).unwrap();
+    other.execute_batch("PRAGMA journal_mode = WAL; CREATE TABLE t (x); DROP TABLE t").unwrap();
+    drop(other);
+    let bytes = std::fs::read(&path).unwrap();
+    let text = "file:…/other.db: it is an SQLite database of another program, not an rmem memory; name another file";
+    assert_eq!(refusal(&path), text);
+    assert_eq!(std::fs::read(&path).unwrap(), bytes);
+}
+
+#[test]
 fn a_memory_of_a_newer_version_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("robot.rmem");

@@ -28,7 +28,7 @@ use rusqlite::{Connection, OpenFlags};
 use super::catalog_cache::CatalogCache;
 use super::indexed::Remembered;
 use super::log_size::LogSize;
-use super::place::{Place, folder};
+use super::place::{Place, companions, folder, log};
 use super::spare::Spare;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
@@ -175,7 +175,9 @@ impl Embedded {
             Marks { application: APPLICATION, version: VERSION, .. } => {}
             Marks { application: APPLICATION, version: UNSEALED, .. } => upgrade(&connection).map_err(explain)?,
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
-            Marks { application: 0, version: 0, blank: true } if is_ours(&connection).map_err(explain)? => {
+            Marks { application: 0, version: 0, blank: true, untouched: true }
+                if is_ours(&connection).map_err(explain)? =>
+            {
                 lay_out(&connection).map_err(explain)?;
             }
             _ => return Err(unmarked(&place, &connection)),
@@ -268,11 +270,8 @@ fn remove_blank(path: &Path) {
     // Without room for the index of its log, the log is read by one process alone.
     let alone = connection.pragma_update(None, "locking_mode", "EXCLUSIVE");
     if alone.and_then(|()| Marks::read(&connection)).is_ok_and(|marks| marks.blank) {
-        for end in ["", "-wal", "-shm"] {
-            let mut name = path.as_os_str().to_owned();
-            name.push(end);
-            let _ = std::fs::remove_file(name);
-        }
+        let _ = std::fs::remove_file(path);
+        companions(path).iter().for_each(|file| drop(std::fs::remove_file(file)));
     }
 }
 
@@ -289,9 +288,7 @@ fn may_write(path: &Path) -> bool {
 /// Whether this process may make a log beside the file, or write the one that exists.
 fn may_log(path: &Path) -> bool {
     let may = |path: &Path| rustix::fs::access(path, rustix::fs::Access::WRITE_OK).is_ok();
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    !path.exists() || may(folder(path)) || may(Path::new(&log))
+    !path.exists() || may(folder(path)) || may(&log(path))
 }
 
 /// Why something that is not a file cannot be a memory.
@@ -317,9 +314,7 @@ fn special(path: &Path) -> Option<&'static str> {
 
 /// Whether there are writes that are not folded into the file.
 fn has_log(path: &Path) -> bool {
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    std::fs::metadata(&log).is_ok_and(|log| log.len() > 0)
+    std::fs::metadata(log(path)).is_ok_and(|log| log.len() > 0)
 }
 
 /// SQLite's URI for a file that does not change; each byte of the path that
@@ -344,18 +339,21 @@ struct Marks {
     application: i32,
     version: i32,
     blank: bool,
+    /// Whether it never had a table.
+    untouched: bool,
 }
 
 impl Marks {
     fn read(connection: &Connection) -> rusqlite::Result<Self> {
-        let sql = "SELECT application_id, user_version, (SELECT count(*) FROM sqlite_schema) = 0
-                   FROM pragma_application_id, pragma_user_version";
-        connection
-            .query_row(sql, [], |row| Ok(Self { application: row.get(0)?, version: row.get(1)?, blank: row.get(2)? }))
+        let sql = "SELECT application_id, user_version, (SELECT count(*) FROM sqlite_schema) = 0, schema_version = 0
+                   FROM pragma_application_id, pragma_user_version, pragma_schema_version";
+        connection.query_row(sql, [], |row| {
+            Ok(Self { application: row.get(0)?, version: row.get(1)?, blank: row.get(2)?, untouched: row.get(3)? })
+        })
     }
 }
 
-/// Whether a database without tables is an empty file, or one that another rmem is laying out. An
+/// Whether a database that never had tables is an empty file, or one that another rmem is laying out. An
 /// empty database of another program has pages, and no write-ahead log.
 fn is_ours(connection: &Connection) -> rusqlite::Result<bool> {
     let pages: i64 = connection.query_row("PRAGMA page_count", [], |row| row.get(0))?;

@@ -5,13 +5,10 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use super::failure;
-use super::place::{Place, folder};
+use super::place::{Place, companions, folder};
 use crate::interrupt::Unfinished;
 use crate::process::stale_files;
 use crate::store::StoreError;
-
-/// What SQLite makes beside a file.
-const ENDS: [&str; 3] = ["-journal", "-wal", "-shm"];
 
 /// A file that does not have its name yet. Dropped, it is removed, with what is beside it; the next process that makes one in
 /// the folder removes what a killed one left.
@@ -57,11 +54,7 @@ impl<'a> NewFile<'a> {
             .prefix(&stale_files::prefix(folder, ".rmem-"))
             .tempfile_in(folder)
             .map_err(unnamed)?;
-        let beside = ENDS.map(|end| {
-            let mut name = staged.path().as_os_str().to_owned();
-            name.push(end);
-            PathBuf::from(name)
-        });
+        let beside = companions(staged.path());
         let unfinished = std::iter::once(staged.path()).chain(beside.iter().map(PathBuf::as_path)).map(Unfinished::new);
         Ok(Self { path, place, _unfinished: unfinished.collect(), _beside: Beside(beside.into()), staged })
     }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::process::stale_files;
 use crate::store::FileIdentity;
 
 /// Where an embedded store lives; its `Display` is what messages call it.
@@ -34,10 +35,24 @@ impl Place {
     /// The path of the write-ahead log.
     pub(super) fn log(&self) -> Option<PathBuf> {
         let Self::File(path) = self else { return None };
-        let mut log = path.clone().into_os_string();
-        log.push("-wal");
-        Some(log.into())
+        Some(log(path))
     }
+}
+
+/// The write-ahead log of a file.
+pub(super) fn log(path: &Path) -> PathBuf {
+    with_end(path, stale_files::SQLITE_LOG)
+}
+
+/// The files that SQLite makes beside a file.
+pub(super) fn companions(path: &Path) -> [PathBuf; 3] {
+    stale_files::SQLITE_ENDS.map(|end| with_end(path, end))
+}
+
+fn with_end(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(end);
+    name.into()
 }
 
 /// The folder of a file.
