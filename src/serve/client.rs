@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::access::Metadata;
+use super::activity::Activity;
 use super::auth::Conversation;
 use super::session::SessionId;
 
@@ -28,6 +29,8 @@ pub(super) struct Client {
     pub(super) transactions: HashMap<SessionId, i64>,
     /// Whether it is being answered.
     pub(super) is_busy: Arc<AtomicBool>,
+    /// What is being done for it.
+    pub(super) activity: Arc<Activity>,
 }
 
 /// A user, and the database it logged in at.

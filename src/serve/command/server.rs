@@ -20,7 +20,6 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::here("getLog", log),
     Command::here("getCmdLineOpts", options),
     Command::here("top", top),
-    Command::here("currentOp", current),
     Command::here("replSetGetStatus", set_status),
 ];
 
@@ -113,16 +112,6 @@ fn options(_: &mut Client, _: &Server, _: &Request) -> Answer {
 
 fn top(_: &mut Client, _: &Server, _: &Request) -> Answer {
     raw(&doc! { "totals": { "note": "all times in microseconds" } })
-}
-
-/// What is being done; a command is over too soon to be seen.
-pub(super) fn operations(server: &Server) -> Vec<Document> {
-    let connected = to_i64(server.connected());
-    vec![doc! { "type": "op", "host": host_name(), "active": true, "op": "command", "connections": connected }]
-}
-
-fn current(_: &mut Client, server: &Server, _: &Request) -> Answer {
-    raw(&doc! { "inprog": operations(server) })
 }
 
 fn set_status(client: &mut Client, server: &Server, _: &Request) -> Answer {
