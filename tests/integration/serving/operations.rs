@@ -1,4 +1,4 @@
-//! Operations that end before they are done: by `killOp`, with their cursor or session, or with their client.
+//! Operations that end before they are done: by `killOp`, with their cursor or session, with their client, or in time.
 
 use std::thread::JoinHandle;
 
@@ -14,6 +14,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_write_that_waits_for_its_turn_is_given_up", given_up),
     ("what_only_reads_ends_with_its_client_and_a_write_does_not", left),
     ("an_operation_ends_with_its_cursor_or_its_session", killed),
+    ("one_call_of_a_function_takes_no_longer_than_its_command_may", called),
 ];
 
 /// How many documents there are. With the function below, looking at all of them takes minutes.
@@ -197,5 +198,34 @@ fn killed() -> Result<(), Failed> {
         assert_eq!(other.run(&of_session(kill))?.get_f64("ok")?, 1.0);
         assert_eq!(code(begun), Some(11_601));
     }
+    Ok(())
+}
+
+fn called() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let (_served, mut wire) = served(folder.path())?;
+    let forever = "function() { while (true) {} }";
+    let function = doc! { "$function": { "body": forever, "args": [], "lang": "js" } };
+    let accumulator = doc! { "$accumulator": {
+        "init": "function() { return 0 }", "accumulate": forever, "accumulateArgs": [], "merge": forever, "lang": "js",
+    } };
+    let update = doc! { "q": { "$where": forever }, "u": { "$set": { "n": 1 } } };
+    let long = doc! { "$reduce": { "input": { "$range": [0, 100_000] }, "initialValue": 0, "in": { "$size": { "$range": [0, 100_000] } } } };
+    let commands = [
+        doc! { "find": "c", "filter": { "$where": forever } },
+        doc! { "count": "c", "query": { "$where": forever } },
+        doc! { "aggregate": "c", "pipeline": [{ "$set": { "n": function } }], "cursor": {} },
+        doc! { "aggregate": "c", "pipeline": [{ "$group": { "_id": 1, "n": accumulator } }], "cursor": {} },
+        doc! { "aggregate": "c", "pipeline": [{ "$set": { "n": long } }], "cursor": {} },
+        doc! { "mapReduce": "c", "map": forever, "reduce": forever, "out": { "inline": 1 } },
+        doc! { "mapReduce": "c", "map": "function() { emit(1, 1) }", "reduce": forever, "out": "d" },
+        doc! { "update": "c", "updates": [update] },
+    ];
+    for mut command in commands {
+        command.extend(doc! { "maxTimeMS": 300, "$db": "a" });
+        let answer = wire.run(&command)?;
+        assert_eq!(answer.get_i32("code").ok(), Some(50), "{command}: {answer}");
+    }
+    assert_eq!((count(&mut wire, doc! { "n": 1 })?, count(&mut wire, doc! {})?), (0, COUNT));
     Ok(())
 }
