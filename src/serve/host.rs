@@ -153,7 +153,7 @@ impl<'m> Host<'m> {
         let other = Lazy::of_connection(&self.server);
         let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
         let answer = work(memory);
-        self.server.clock.wrote();
+        self.server.clock.wrote(None);
         self.server.check_files()?;
         self.server.hub.call();
         answer

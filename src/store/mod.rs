@@ -42,7 +42,7 @@ pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateReques
 pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
-pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope, Since};
+pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, NotedChanges, Scope, Since};
 pub use write_concern::{Acknowledgment, WriteConcern};
 
 use std::borrow::Cow;
@@ -200,6 +200,16 @@ pub trait Store: Send {
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         let _ = (scope, time);
         Err(self.keeps_none())
+    }
+
+    /// The changes that the write transaction has made so far and that are kept, where there are any.
+    fn noted_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
+    }
+
+    /// The same, and gives all of them the time that it is now.
+    fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
     }
 
     /// Keeps the histories of these rules from the next write on.

@@ -244,7 +244,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         client.transactions.insert(session.clone(), part.number);
     }
     let end = match command.name {
-        "commitTransaction" => Some((Action::Commit, How::Committed)),
+        "commitTransaction" => Some((Action::Commit(client.digest()), How::Committed)),
         "abortTransaction" => Some((Action::Abort, How::Aborted)),
         _ => None,
     };

@@ -16,7 +16,7 @@ use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
-    Name, Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
+    Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -151,6 +151,14 @@ impl Store for Embedded {
 
     fn changes(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
         self.changes_behind(scope, behind, most)
+    }
+
+    fn noted_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        self.noted()
+    }
+
+    fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        self.joined(DateTime::now())
     }
 
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {

@@ -92,7 +92,10 @@ fn ended() -> Result<(), Failed> {
             "command",
             doc! { "aggregate": "c", "pipeline": [grown, { "$unwind": "$all" }, { "$count": "n" }], "cursor": {} },
         ),
-        ("command", doc! { "mapReduce": "c", "map": format!("function() {{ {} }}", slow("0")), "reduce": "0", "out": { "inline": 1 } }),
+        (
+            "command",
+            doc! { "mapReduce": "c", "map": format!("function() {{ {} }}", slow("0")), "reduce": "0", "out": { "inline": 1 } },
+        ),
         ("update", doc! { "update": "c", "updates": [update(doc! { "_id": 7 }), update(predicate.clone())] }),
         ("remove", doc! { "delete": "c", "deletes": [removal] }),
     ];
