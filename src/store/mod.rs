@@ -38,7 +38,9 @@ pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
-pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated};
+pub use request::{
+    Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated, Validated, ValidatedIndex,
+};
 pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
@@ -354,6 +356,22 @@ pub trait Store: Send {
     fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
         let _ = report;
         Ok(None)
+    }
+
+    /// Checks a collection; `report` gets each damage, as a sentence. `None` where there is no such collection.
+    ///
+    /// # Errors
+    /// Where the store cannot do that, or it cannot be read.
+    fn validate(&self, ns: &Namespace, report: &mut dyn FnMut(&str)) -> Result<Option<Validated>, StoreError> {
+        let _ = (ns, report);
+        let reason = "a server checks its collections itself; connect to that".to_owned();
+        Err(StoreError::Unfit { address: self.describe(), reason })
+    }
+
+    /// The bytes of the keys of each index of a collection, by its name, where the store knows them.
+    fn index_sizes(&self, ns: &Namespace) -> Result<Vec<(String, i64)>, StoreError> {
+        let _ = ns;
+        Ok(Vec::new())
     }
 
     /// Copies the whole store, as it is at one moment, into a new file, while other processes use it.

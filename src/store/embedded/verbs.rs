@@ -16,7 +16,8 @@ use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
-    Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
+    Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Validated,
+    Values,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -252,6 +253,14 @@ impl Store for Embedded {
 
     fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
         self.check_all(report).map(Some)
+    }
+
+    fn validate(&self, ns: &Namespace, report: &mut dyn FnMut(&str)) -> Result<Option<Validated>, StoreError> {
+        self.validated(ns, report)
+    }
+
+    fn index_sizes(&self, ns: &Namespace) -> Result<Vec<(String, i64)>, StoreError> {
+        self.collection(ns)?.map_or(Ok(Vec::new()), |collection| self.sizes(collection))
     }
 
     fn backup(&self, path: &Path) -> Result<(), StoreError> {
