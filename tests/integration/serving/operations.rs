@@ -229,15 +229,19 @@ fn called() -> Result<(), Failed> {
         let answer = wire.run(&command)?;
         assert_eq!(answer.get_i32("code").ok(), Some(50), "{command}: {answer}");
     }
-    // Each stage doubles the document.
+    // Each stage doubles the document; an index is made of many.
     let double = vec![doc! { "$set": { "a": "$$ROOT", "b": "$$ROOT" } }; 17];
     let update = doc! { "q": { "_id": 1 }, "u": double.clone() };
-    let commands =
-        [doc! { "update": "c", "updates": [update] }, doc! { "aggregate": "c", "pipeline": double, "cursor": {} }];
+    let commands = [
+        doc! { "update": "c", "updates": [update] },
+        doc! { "aggregate": "c", "pipeline": double, "cursor": {} },
+        doc! { "createIndexes": "c", "indexes": [{ "key": { "n": 1 }, "name": "n_1" }] },
+    ];
     for mut command in commands {
         command.extend(doc! { "maxTimeMS": 1, "$db": "a" });
         assert_eq!(wire.run(&command)?.get_i32("code").ok(), Some(50), "{command}");
     }
+    assert_eq!(wire.run(&doc! { "collStats": "c", "$db": "a" })?.get_i32("nindexes")?, 1);
     assert_eq!((count(&mut wire, doc! { "n": 1 })?, count(&mut wire, doc! {})?), (0, COUNT));
     Ok(())
 }
