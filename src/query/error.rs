@@ -74,6 +74,12 @@ const FILE_FAILED: i32 = 16_821;
 impl QueryError {
     /// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
     pub const EXCEEDED_TIME_LIMIT: i32 = 50;
+    /// MongoDB's code for an operation that `killCursors` has ended.
+    pub const CURSOR_KILLED: i32 = 237;
+    /// MongoDB's code for an operation whose client is gone.
+    pub const CLIENT_DISCONNECT: i32 = 279;
+    /// MongoDB's code for an operation that `killOp` or `killSessions` has ended.
+    pub const INTERRUPTED: i32 = 11_601;
 
     /// Returns where a text has the first of the operators, fields and regular expressions that the error is about.
     #[must_use]
@@ -118,6 +124,18 @@ impl QueryError {
     #[must_use]
     pub fn exceeded_time_limit() -> Self {
         Self::invalid(Self::EXCEEDED_TIME_LIMIT, "operation exceeded time limit")
+    }
+
+    /// Returns that an operation was stopped, with the code that says why.
+    #[must_use]
+    pub fn interrupted(code: i32) -> Self {
+        Self::invalid(code, "operation was interrupted")
+    }
+
+    /// Whether a code is that of an operation that ended before it was done: its time was over, or it was stopped.
+    #[must_use]
+    pub fn is_interruption(code: i32) -> bool {
+        matches!(code, Self::EXCEEDED_TIME_LIMIT | Self::CURSOR_KILLED | Self::CLIENT_DISCONNECT | Self::INTERRUPTED)
     }
 
     /// Returns that there is no room for temporary files.

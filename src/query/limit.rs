@@ -11,6 +11,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use super::error::{QueryError, Result};
 use super::nesting::MAX_DEPTH;
+use super::view::{Fields, Items, View};
 
 /// The largest result in bytes: 16 MiB, and 16 KiB for what mongod adds to stored documents.
 const MAX_RESULT: usize = (16 << 20) + (16 << 10);
@@ -23,6 +24,9 @@ const MAX_LEVELS: usize = 2 * MAX_DEPTH;
 /// The memory in bytes of all values that one evaluation or one accumulator holds. mongod's limits are near 100 MB, but
 /// its values are smaller.
 const MAX_MEMORY: usize = 256 << 20;
+
+/// Where an evaluation holds so many bytes, what it copies is measured before it is copied.
+const MUCH: usize = 16 << 20;
 
 /// Bytes of memory that a small value on the heap needs.
 pub(super) const ALLOCATION: usize = 32;
@@ -79,6 +83,25 @@ impl Drop for Held {
     fn drop(&mut self) {
         self.release();
     }
+}
+
+/// Whether so much is held that a copy is to be measured before it is made.
+pub(super) fn holds_much() -> bool {
+    HELD.get() >= MUCH
+}
+
+/// Refuses to copy a value that is too large beside what is held already.
+///
+/// # Errors
+/// As [`Held::add`].
+pub(super) fn check_copy(value: View<'_>) -> Result<()> {
+    let bytes = match value {
+        View::Document(Fields::Owned(document)) => fields(document, 0)?,
+        View::Array(Items::Owned(items)) => elements(items, 0)?,
+        // Values in raw bytes are those of a document that was not decoded, which is not larger than a stored one.
+        _ => return Ok(()),
+    };
+    check_memory(HELD.get() + bytes)
 }
 
 /// The memory of the values that one accumulator holds.
@@ -139,20 +162,23 @@ pub(super) fn memory(value: &Bson) -> Result<usize> {
 
 fn below(value: &Bson, level: usize) -> Result<usize> {
     let heap = match value {
-        Bson::Document(document) => {
-            check_level(level)?;
-            let fields = document.iter();
-            fields.map(|(name, value)| Ok(name.len() + FIELD + below(value, level + 1)?)).sum::<Result<usize>>()?
-        }
-        Bson::Array(items) => {
-            check_level(level)?;
-            items.iter().map(|item| below(item, level + 1)).sum::<Result<usize>>()?
-        }
+        Bson::Document(document) => fields(document, level)?,
+        Bson::Array(items) => elements(items, level)?,
         Bson::String(text) | Bson::Symbol(text) | Bson::JavaScriptCode(text) => text.len(),
         Bson::Binary(binary) => binary.bytes.len(),
         _ => 0,
     };
     Ok(size_of::<Bson>() + heap)
+}
+
+fn fields(document: &Document, level: usize) -> Result<usize> {
+    check_level(level)?;
+    document.iter().map(|(name, value)| Ok(name.len() + FIELD + below(value, level + 1)?)).sum()
+}
+
+fn elements(items: &[Bson], level: usize) -> Result<usize> {
+    check_level(level)?;
+    items.iter().map(|item| below(item, level + 1)).sum()
 }
 
 fn check_level(level: usize) -> Result<()> {
@@ -280,6 +306,20 @@ mod tests {
         assert_eq!(Held::default().add(&text).unwrap_err().code, 146);
         held.replace(None).unwrap();
         assert!(Held::default().add(&text).is_ok());
+    }
+
+    #[test]
+    fn where_much_is_held_what_is_too_large_is_not_copied() {
+        let text = || Bson::String("x".repeat(100 << 20));
+        let (document, array) = (bson!({ "a": text() }), Bson::Array(vec![text()]));
+        assert!(!holds_much() && check_copy(View::from(&document)).is_ok());
+        let mut held = Held::default();
+        held.add(&text()).unwrap();
+        assert!(holds_much() && check_copy(View::from(&document)).is_ok());
+        held.add(&text()).unwrap();
+        for value in [&document, &array] {
+            assert_eq!(check_copy(View::from(value)).unwrap_err().code, 146);
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use bson::{Bson, DateTime, Document};
 
 use super::error::{FAILED_TO_PARSE, QueryError, Result};
 use super::expression::{Environment, Expression, Scope, Variables};
+use super::interruption;
 use super::projection::Shape;
 use super::view::View;
 
@@ -54,7 +55,12 @@ impl Reshape {
     }
 
     /// Returns the new document.
+    ///
+    /// # Errors
+    /// If it cannot be made, or the operation is to end.
     pub(super) fn apply(&self, document: Document, variables: &Variables, now: DateTime) -> Result<Document> {
+        // Each stage may double a document.
+        interruption::check()?;
         match self {
             Self::Shape(shape) => shape.apply(&document, variables, now),
             Self::Root(expression) => {

@@ -69,11 +69,17 @@ impl Address {
         }
     }
 
-    /// The URI by which clients connect; `options` like `tls=true`.
+    /// The URI by which clients connect; `options` like `tls=true`. Where it is all addresses of this machine, that has the
+    /// machine's name.
     #[must_use]
     pub fn uri(&self, options: &str) -> String {
         let separator = if options.is_empty() { "" } else { "?" };
         match self {
+            Self::Tcp(address) if address.ip().is_unspecified() => {
+                let name = rustix::system::uname();
+                let name = name.nodename().to_string_lossy();
+                format!("mongodb://{name}:{}/{separator}{options}", address.port())
+            }
             Self::Tcp(address) => format!("mongodb://{address}/{separator}{options}"),
             Self::Unix(path) => format!("mongodb://{}/{separator}{options}", escaped(path)),
         }
@@ -102,6 +108,16 @@ fn escaped(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_addresses_are_named_as_one_that_a_client_can_reach() {
+        let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+        for all in ["0.0.0.0:27018", "[::]:27018"] {
+            let uri = Address::tcp(all).unwrap().uri("tls=true");
+            assert_eq!(uri, format!("mongodb://{name}:27018/?tls=true"));
+        }
+        assert_eq!(Address::standard().uri(""), "mongodb://127.0.0.1:27017/");
+    }
 
     #[test]
     fn addresses_are_read_with_and_without_a_port() {

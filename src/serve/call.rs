@@ -9,7 +9,7 @@ use crate::memory::Memory;
 
 /// A command that is being run.
 pub(super) struct Call {
-    pub(super) request: Request,
+    pub(super) request: Arc<Request>,
     pub(super) metadata: Metadata,
     /// What the client calls itself, for the history.
     pub(super) author: Arc<str>,
@@ -19,7 +19,7 @@ pub(super) struct Call {
 
 impl Call {
     /// A command of a client.
-    pub(super) fn new(request: Request, metadata: Metadata, author: &Arc<str>) -> Self {
+    pub(super) fn new(request: Arc<Request>, metadata: Metadata, author: &Arc<str>) -> Self {
         Self { request, metadata, author: Arc::clone(author), statements: Arc::default() }
     }
 

@@ -4,7 +4,10 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use sha2::{Digest as _, Sha256};
+
 use super::access::Metadata;
+use super::activity::Activity;
 use super::auth::Conversation;
 use super::session::SessionId;
 
@@ -28,6 +31,16 @@ pub(super) struct Client {
     pub(super) transactions: HashMap<SessionId, i64>,
     /// Whether it is being answered.
     pub(super) is_busy: Arc<AtomicBool>,
+    /// What is being done for it.
+    pub(super) activity: Arc<Activity>,
+}
+
+impl Client {
+    /// What sessions are told apart by beside their own id, as with MongoDB: the SHA-256 of the user's name, or of nothing.
+    pub(super) fn digest(&self) -> [u8; 32] {
+        let user = self.user.as_ref().map(|user| format!("{}@{}", user.name, user.database));
+        Sha256::digest(user.unwrap_or_default()).into()
+    }
 }
 
 /// A user, and the database it logged in at.

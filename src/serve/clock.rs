@@ -25,9 +25,13 @@ impl Clock {
         unpacked(self.last.fetch_add(1, Ordering::Relaxed) + 1)
     }
 
-    /// Notes that a client has written.
-    pub(super) fn wrote(&self) {
-        self.written.fetch_max(packed(self.tick()), Ordering::Relaxed);
+    /// Notes that a client has written, and returns when: at the time of its last change, where that is kept.
+    pub(super) fn wrote(&self, change: Option<Timestamp>) -> Timestamp {
+        let time = change.unwrap_or_else(|| self.tick());
+        // All times that are given from now on are later.
+        self.last.fetch_max(packed(time), Ordering::Relaxed);
+        self.written.fetch_max(packed(time), Ordering::Relaxed);
+        time
     }
 
     /// When a client wrote last; none where none has.

@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 98] = [
+const NAMES: [(i32, &str); 99] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -93,6 +93,7 @@ const NAMES: [(i32, &str); 98] = [
     (260, "InvalidResumeToken"),
     (263, "OperationNotSupportedInTransaction"),
     (278, "UnsatisfiableCommitQuorum"),
+    (279, "ClientDisconnect"),
     (280, "ChangeStreamFatalError"),
     (286, "ChangeStreamHistoryLost"),
     (290, "TransactionExceededLifetimeLimitSeconds"),

@@ -19,6 +19,7 @@ use super::server::{Counters, Server};
 use super::session::Once;
 use super::stream::Stream;
 use super::wire::{self, Form, Message, Reply, WireError};
+use super::write::OPERATION_TIME;
 
 /// Serves a client until it disconnects or an error ends the connection.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
@@ -178,12 +179,15 @@ fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
         }
     };
     if form == Form::Msg {
+        let is_dated = matches!(reply.get(OPERATION_TIME), Ok(Some(_)));
         let now = server.clock.tick();
         let mut time = RawDocumentBuf::new();
         time.append(cstr!("clusterTime"), now);
         time.append(cstr!("signature"), &**SIGNATURE);
         reply.append(cstr!("$clusterTime"), time);
-        reply.append(cstr!("operationTime"), now);
+        if !is_dated {
+            reply.append(OPERATION_TIME, now);
+        }
     }
     reply
 }

@@ -13,6 +13,8 @@ use super::ended::Ended;
 use super::failure::{Failure, codes};
 use super::mailbox::{Mailbox, ThreadMessage};
 use super::origin::Origin;
+use super::request::interrupted;
+use crate::deadline;
 use crate::query::{QueryError, Spill, Spool};
 use crate::store::{Documents, MAX_SIZE, Namespace, StoreError};
 
@@ -48,6 +50,10 @@ impl<'m> Results<'m> {
     pub(super) fn batch(&mut self, most: Option<u64>) -> Result<RawArrayBuf, Failure> {
         let (mut batch, mut bytes, mut count) = (RawArrayBuf::new(), 0, 0);
         while most.is_none_or(|most| count < most) {
+            // Where the documents come from another server, nothing else looks.
+            if let Some(ending) = deadline::ending() {
+                return Err(interrupted(ending));
+            }
             let Some(next) = self.documents.peek() else { break };
             let size = next.as_ref().map_or(0, |document| document.as_bytes().len()) + 16;
             if count > 0 && bytes + size > MAX_SIZE {

@@ -30,6 +30,11 @@ const GENERIC: [&str; 20] = [
     "writeConcern",
 ];
 
+/// Whether every command may have a field.
+pub(super) fn is_generic(name: &str) -> bool {
+    GENERIC.contains(&name)
+}
+
 /// A number as MongoDB writes it in replies: of 32 bits where it fits.
 pub(super) fn number(value: i64) -> Bson {
     i32::try_from(value).map_or(Bson::Int64(value), Bson::Int32)

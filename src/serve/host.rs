@@ -12,16 +12,19 @@ use super::failure::{Answer, Failure, codes};
 use super::job::{Claim, Job, Work};
 use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
-use super::request::too_long;
+use super::request::interrupted;
 use super::server::Server;
 use super::statements::Repeatable;
 use super::write;
-use crate::deadline::Deadline;
+use crate::deadline::{self, Deadline, Limits};
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
 
 /// How often a thread that has cursors looks for those that are too old. Cursors live for minutes.
 pub(super) const EXPIRY_INTERVAL: Duration = Duration::from_secs(10);
+
+/// How often a thread that waits for another looks whether its operation is to end.
+const STOP_INTERVAL: Duration = Duration::from_millis(200);
 
 /// How many bytes a connection keeps of what it has read; the system keeps the rest for all.
 const CACHE: usize = 2 << 20;
@@ -95,60 +98,62 @@ impl<'m> Host<'m> {
     }
 
     /// Has something written: by the writer, with what others write, or at once where no others do. It is not begun any
-    /// more after the deadline.
-    pub(super) fn write(
-        &mut self,
-        ns: Namespace,
-        once: Option<Repeatable>,
-        deadline: Option<Instant>,
-        work: Work,
-    ) -> Answer {
+    /// more when it is to end.
+    pub(super) fn write(&mut self, ns: Namespace, once: Option<Repeatable>, limits: Limits, work: Work) -> Answer {
         let memory = self.memory()?;
         if self.writes_itself || !memory.is_current(&ns)? {
-            let _deadline = Deadline::set(deadline);
+            let _deadline = Deadline::set(limits);
             return match &once {
                 Some(once) => self.server.behind.once(once, || work(memory)),
                 None => work(memory),
             };
         }
         // A snapshot that a cursor reads cannot be written to.
-        if deadline.is_none()
+        if limits.until.is_none()
             && !self.has_cursors()
             && let Some(_turn) = self.server.writer.own_turn(self.id)
         {
+            let work = |memory: &Memory| {
+                let _deadline = Deadline::set(limits);
+                work(memory)
+            };
+            let _none = Deadline::set(Limits::default());
             return write::alone(&self.server, memory, &ns, once, work);
         }
         let claim = Claim::default();
-        let begun = claim.clone();
+        let (begun, own) = (claim.clone(), limits.clone());
         let work: Work = Box::new(move |memory| {
-            if !begun.take() {
-                return Err(too_long());
+            if let Some(ending) = own.ending() {
+                return Err(interrupted(ending));
             }
-            let _deadline = Deadline::set(deadline);
+            if !begun.take() {
+                return Err(Failure::new(codes::FAILED, "the write was given up"));
+            }
+            let _deadline = Deadline::set(own);
             work(memory)
         });
         let (question, reply) = self.question();
         self.server.writer.submit_of(self.id, Job::Write { ns, once, work, reply })?;
-        self.wait_until(question, deadline.map(|deadline| (deadline, claim)))
+        self.wait_until(question, Some((limits, Some(claim))))
     }
 
     /// Writes in slices, between which others write, in this thread, as another process would.
     pub(super) fn write_in_slices(
         &mut self,
         ns: &Namespace,
-        deadline: Option<Instant>,
+        limits: Limits,
         work: impl FnOnce(&Memory) -> Answer,
     ) -> Answer {
         if self.writes_itself || !self.memory()?.is_current(ns)? {
             return work(self.memory()?);
         }
         // It has its turn behind what waits already, and behind a transaction that is open.
-        self.write(ns.clone(), None, deadline, Box::new(|_| empty()))?;
+        self.write(ns.clone(), None, limits, Box::new(|_| empty()))?;
         // A snapshot that a cursor reads cannot be written to.
         let other = Lazy::of_connection(&self.server);
         let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
         let answer = work(memory);
-        self.server.clock.wrote();
+        self.server.clock.wrote(None);
         self.server.check_files()?;
         self.server.hub.call();
         answer
@@ -171,20 +176,24 @@ impl<'m> Host<'m> {
         self.wait_until(question, None)
     }
 
-    /// The same; a write that has not been begun at its deadline is given up.
-    fn wait_until(&mut self, question: Question, mut limit: Option<(Instant, Claim)>) -> Answer {
+    /// The same; the answer is given up where the operation is to end, but not that of a write which has begun.
+    fn wait_until(&mut self, question: Question, mut limit: Option<(Limits, Option<Claim>)>) -> Answer {
         loop {
-            let left = limit.as_ref().map(|(deadline, _)| deadline.saturating_duration_since(Instant::now()));
-            let timeout = left.map_or(EXPIRY_INTERVAL, |left| left.min(EXPIRY_INTERVAL));
+            let timeout = limit.as_ref().map_or(EXPIRY_INTERVAL, |(limits, _)| {
+                let left = limits.until.map(|until| until.saturating_duration_since(Instant::now()));
+                left.map_or(STOP_INTERVAL, |left| left.min(STOP_INTERVAL))
+            });
             match self.server.turns.paused(|| self.inbox.receive(timeout)) {
                 Some(ThreadMessage::Answer(number, answer)) if question.is(number) => return answer,
                 Some(message) => self.handle(message),
                 None => self.expire(),
             }
-            if let Some((_, claim)) = limit.take_if(|(deadline, _)| Instant::now() >= *deadline)
-                && claim.take()
+            let ending = limit.as_ref().and_then(|(limits, _)| limits.ending());
+            if let Some(ending) = ending
+                && let Some((_, claim)) = limit.take()
+                && claim.is_none_or(|claim| claim.take())
             {
-                return Err(too_long());
+                return Err(interrupted(ending));
             }
         }
     }
@@ -203,6 +212,7 @@ impl<'m> Host<'m> {
             ThreadMessage::Answer(..) => {}
             ThreadMessage::Kill(cursor) => drop(self.cursors.remove(&cursor)),
             ThreadMessage::More(more) => {
+                let _deadline = Deadline::set(more.limits);
                 let answer = self.own(more.cursor, more.batch);
                 more.to.answer(answer.unwrap_or_else(|| Err(cursor::not_found(more.cursor))));
             }
@@ -232,6 +242,7 @@ impl<'m> Host<'m> {
 
     /// The next documents of a cursor, whoever has it.
     pub(super) fn more(&mut self, cursor: i64, open: &Open, batch: Option<u64>) -> Answer {
+        let limits = deadline::limits();
         if let Some(answer) = self.own(cursor, batch) {
             return answer;
         }
@@ -240,10 +251,10 @@ impl<'m> Host<'m> {
             return Err(cursor::not_found(cursor));
         }
         let (question, to) = self.inbox.question(cursor::not_found(cursor));
-        if !mailbox.send(ThreadMessage::More(More { cursor, batch, to })) {
+        if !mailbox.send(ThreadMessage::More(More { cursor, batch, limits: limits.clone(), to })) {
             self.server.cursors.forget(cursor);
         }
-        self.wait(question)
+        self.wait_until(question, Some((limits, None)))
     }
 
     fn own(&mut self, cursor: i64, batch: Option<u64>) -> Option<Answer> {

@@ -102,9 +102,12 @@ pub(super) enum Action {
         /// What it has read before its first write.
         snapshot: Option<Snapshot>,
     },
-    Commit,
+    Commit(Committer),
     Abort,
 }
+
+/// Who commits a transaction: what events of it name beside the session, the SHA-256 of the user's name.
+pub(super) type Committer = [u8; 32];
 
 /// Where the writer is given things to do, and whose turn it is to write.
 pub(super) struct JobQueue {

@@ -169,8 +169,8 @@ impl Listener {
     fn admit(&self, server: &Arc<Server>, incoming: Incoming, peer: String) -> io::Result<()> {
         let (host, id) = (incoming.host(&self.address), server.next_id());
         let stream = incoming.stream(self.tls.as_ref())?;
-        let handle = stream.handle()?;
-        let is_busy = Arc::clone(&handle.is_busy);
+        let handle = stream.handle(peer.clone())?;
+        let (is_busy, activity) = (Arc::clone(&handle.is_busy), Arc::clone(&handle.activity));
         if !server.enter(id, handle) {
             return Ok(());
         }
@@ -185,6 +185,7 @@ impl Listener {
             login: None,
             transactions: std::collections::HashMap::new(),
             is_busy,
+            activity,
         };
         let shared = Arc::clone(server);
         let spawned = thread("connection").spawn(move || connection::serve(&shared, stream, client));

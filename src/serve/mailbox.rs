@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use super::failure::{Answer, Failure};
 use super::panic;
+use crate::deadline::Limits;
 
 /// What threads send to each other.
 pub(super) enum ThreadMessage {
@@ -28,6 +29,8 @@ pub(super) enum ThreadMessage {
 pub(super) struct More {
     pub(super) cursor: i64,
     pub(super) batch: Option<u64>,
+    /// What ends reading them before it is done.
+    pub(super) limits: Limits,
     pub(super) to: Reply,
 }
 
@@ -185,7 +188,12 @@ mod tests {
         let other = Inbox::new().unwrap();
         let mailbox = other.mailbox();
         drop(other);
-        assert!(!mailbox.send(ThreadMessage::More(More { cursor: 1, batch: None, to: reply })));
+        assert!(!mailbox.send(ThreadMessage::More(More {
+            cursor: 1,
+            batch: None,
+            limits: Limits::default(),
+            to: reply
+        })));
         assert_eq!(answer(&inbox, fourth), Some(codes::NO_CURSOR));
         assert_ne!(second, fourth);
     }

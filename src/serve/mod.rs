@@ -9,7 +9,9 @@
 //! It is the memory that is served: computables run for every client, shared databases are routed, `_robmem_info`
 //! is hidden ([`access`]), what decayed is not there.
 
+mod abandoned;
 mod access;
+mod activity;
 mod address;
 mod attempt;
 mod auth;

@@ -1,5 +1,7 @@
 //! A command with what every command may say: its database, its session, how long it may take.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, Timestamp};
@@ -8,6 +10,7 @@ use super::failure::{Failure, codes};
 use super::fields::Fields;
 use super::origin::Origin;
 use super::session::SessionId;
+use crate::deadline::{Ending, Limits, Stop};
 use crate::query::QueryError;
 use crate::store::{Acknowledgment, Namespace, WriteConcern};
 
@@ -27,7 +30,13 @@ pub(super) struct Request {
     pub(super) limit: Option<Duration>,
     /// `writeConcern`.
     pub(super) write_concern: Option<WriteConcern>,
+    /// The number by which it can be ended while it runs.
+    pub(super) operation: i32,
+    pub(super) stop: Arc<Stop>,
 }
+
+/// The number of the last operation.
+static OPERATIONS: AtomicI32 = AtomicI32::new(0);
 
 /// Commands that only read, and have no write concern.
 const READING: [&str; 3] = ["find", "count", "distinct"];
@@ -72,7 +81,10 @@ impl Request {
         let millis = |limit: i64| i32::try_from(limit).ok().and_then(|limit| u64::try_from(limit).ok());
         let limit = limit.map(|limit| millis(limit).ok_or_else(|| out_of_range(limit))).transpose()?;
         let limit = limit.map(Duration::from_millis);
-        Ok(Self { name, database, session, transaction, since: Instant::now(), limit, write_concern, body })
+        let (since, stop) = (Instant::now(), Arc::default());
+        // After the largest number, it begins with 0 again.
+        let operation = OPERATIONS.fetch_add(1, Ordering::Relaxed).wrapping_add(1) & i32::MAX;
+        Ok(Self { name, database, session, transaction, since, limit, write_concern, body, operation, stop })
     }
 
     pub(super) fn fields(&self) -> Fields<'_> {
@@ -105,17 +117,26 @@ impl Request {
         }
     }
 
-    /// Until when the command may take. The limit of `getMore` is how long it waits for changes.
-    pub(super) fn deadline(&self) -> Option<Instant> {
-        let limit = self.limit.filter(|_| self.name != "getMore")?;
-        self.since.checked_add(limit)
+    /// What ends the command before it is done. The limit of `getMore` is how long it waits for changes.
+    pub(super) fn limits(&self) -> Limits {
+        let limit = self.limit.filter(|_| self.name != "getMore");
+        let until = limit.and_then(|limit| self.since.checked_add(limit));
+        Limits { until, stop: Some(Arc::clone(&self.stop)) }
     }
 
-    /// Whether the command has taken as long as it may.
-    pub(super) fn check_time(&self) -> Result<(), Failure> {
-        match self.deadline() {
-            Some(deadline) if Instant::now() >= deadline => Err(too_long()),
-            _ => Ok(()),
+    /// Fails where the command has taken as long as it may, or was stopped.
+    pub(super) fn check_ending(&self) -> Result<(), Failure> {
+        self.limits().ending().map_or(Ok(()), |ending| Err(interrupted(ending)))
+    }
+
+    /// Refuses a command that is about the whole server on any other database than `admin`.
+    pub(super) fn check_admin(&self) -> Result<(), Failure> {
+        match self.database.as_str() {
+            "admin" => Ok(()),
+            _ => {
+                let message = format!("{} may only be run against the admin database.", self.name);
+                Err(Failure::new(codes::UNAUTHORIZED, message))
+            }
         }
     }
 
@@ -168,9 +189,12 @@ impl Request {
     }
 }
 
-/// The failure of a command that takes longer than its `maxTimeMS`.
-pub(super) fn too_long() -> Failure {
-    QueryError::exceeded_time_limit().into()
+/// The failure of a command that ends before it is done.
+pub(super) fn interrupted(ending: Ending) -> Failure {
+    match ending {
+        Ending::OutOfTime => QueryError::exceeded_time_limit().into(),
+        Ending::Stopped(code) => QueryError::interrupted(code).into(),
+    }
 }
 
 /// Refuses what is not a name of a database, whatever the command: with a dot in it, it would name a collection.

@@ -19,8 +19,8 @@ use crate::store::{Find, Namespace, StoreError};
 
 /// At most so many bytes of `done` are in one document, which has 16 MiB at most.
 const LARGEST_PART: usize = 8 << 20;
-/// How long it is kept: longer than a session lives.
-const KEPT: i64 = 40 * 60 * 1000;
+/// How long it is kept: longer than a session lives, and than changes of a transaction are kept.
+const KEPT: i64 = 65 * 60 * 1000;
 
 fn records(ns: &Namespace) -> Namespace {
     Namespace { database: ns.database.clone(), collection: RECORDS.to_owned() }

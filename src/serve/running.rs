@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::abandoned;
 use super::job::Job;
 use super::server::{Opener, Options, Server, thread};
 use super::writer;
@@ -26,6 +27,8 @@ impl Running {
         let (server, jobs) = Server::new(open, options);
         let shared = Arc::clone(&server);
         let writer = thread("writer").spawn(move || writer::run(&shared, &jobs))?;
+        let shared = Arc::clone(&server);
+        thread("clients").spawn(move || abandoned::watch(&shared))?;
         Ok(Self { server, writer })
     }
 

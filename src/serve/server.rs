@@ -19,6 +19,7 @@ use super::failure::{Failure, codes};
 use super::files::{Files, Moved};
 use super::hub::Hub;
 use super::job::{Job, JobQueue};
+use super::request::Request;
 use super::session::Sessions;
 use super::snapshot::Readings;
 use super::stream::Handle;
@@ -184,6 +185,21 @@ impl Server {
 
     pub(super) fn leave(&self, id: i64) {
         self.lock().remove(&id);
+    }
+
+    /// Does something with all connections, each with its number.
+    pub(super) fn connections<T>(&self, work: impl FnOnce(&mut dyn Iterator<Item = (i64, &Handle)>) -> T) -> T {
+        work(&mut self.lock().iter().map(|(id, handle)| (*id, handle)))
+    }
+
+    /// Stops the operations that are meant, with MongoDB's code for the reason.
+    pub(super) fn stop_operations(&self, code: i32, is_meant: impl Fn(&Request) -> bool) {
+        self.connections(|connections| {
+            let running = connections.filter_map(|(_, handle)| handle.activity.current());
+            running.filter(|request| is_meant(request)).for_each(|request| request.stop.stop(code));
+        });
+        // Some wait for changes.
+        self.hub.call();
     }
 
     pub(super) fn connected(&self) -> usize {

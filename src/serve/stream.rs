@@ -2,13 +2,15 @@
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
-use std::os::fd::{AsFd as _, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rustls::{ServerConnection, StreamOwned};
+
+use super::activity::Activity;
 
 /// How long a client may be silent within a message, or not take an answer.
 const IO_TIMEOUT: Duration = Duration::from_secs(30);
@@ -25,11 +27,30 @@ pub(super) struct Handle {
     socket: Socket,
     /// Whether a message is being read or answered.
     pub(super) is_busy: Arc<AtomicBool>,
+    /// What is being done for the client.
+    pub(super) activity: Arc<Activity>,
+    /// The address of the client.
+    pub(super) peer: String,
 }
 
 enum Socket {
     Tcp(TcpStream),
     Unix(UnixStream),
+}
+
+impl AsFd for Socket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Tcp(stream) => stream.as_fd(),
+            Self::Unix(stream) => stream.as_fd(),
+        }
+    }
+}
+
+impl AsFd for Handle {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
 }
 
 impl Handle {
@@ -62,13 +83,14 @@ impl Stream {
         Ok(Self::Unix(stream))
     }
 
-    pub(super) fn handle(&self) -> io::Result<Handle> {
+    /// What other threads may do to the connection of the client at an address.
+    pub(super) fn handle(&self, peer: String) -> io::Result<Handle> {
         let socket = match self {
             Self::Tcp(stream) => Socket::Tcp(stream.try_clone()?),
             Self::Unix(stream) => Socket::Unix(stream.try_clone()?),
             Self::Tls(stream) => Socket::Tcp(stream.sock.try_clone()?),
         };
-        Ok(Handle { socket, is_busy: Arc::default() })
+        Ok(Handle { socket, is_busy: Arc::default(), activity: Arc::default(), peer })
     }
 
     /// Whether bytes have been received that were not read yet.

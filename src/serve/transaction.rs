@@ -7,16 +7,22 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bson::spec::BinarySubtype;
+use bson::{Binary, Timestamp};
+
 use super::call::Call;
+use super::changes::Joined;
+use super::clock;
 use super::command;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
-use super::job::{Action, Job, Step};
+use super::job::{Action, Committer, Job, Step};
 use super::mailbox::Reply;
 use super::panic;
 use super::retry;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
 use super::snapshot::Snapshot;
+use super::write;
 use super::writer_context::WriterContext;
 use crate::memory::Memory;
 use crate::store::{Namespace, StoreError};
@@ -53,7 +59,7 @@ fn late(context: &WriterContext<'_>, once: &Once, action: &Action, last: Option<
         None => retry::is_committed(context.memory.get()?, &records(), once)?,
     };
     match (action, is_committed) {
-        (Action::Commit, true) => host::empty(),
+        (Action::Commit(_), true) => host::empty(),
         (Action::Run { .. } | Action::Abort, true) => {
             Err(Failure::new(codes::COMMITTED, format!("Transaction {} has been committed.", once.number)))
         }
@@ -89,7 +95,7 @@ struct First {
 
 /// How a transaction came to its end.
 enum End {
-    Commit(Reply),
+    Commit(Reply, Committer),
     /// Nothing of it is kept; the client gets an error.
     Abort(Option<Reply>),
     /// It was to write, and something was written since it began to read.
@@ -103,14 +109,18 @@ impl Open {
     fn live(self, context: &mut WriterContext<'_>, ns: Namespace, first: First) {
         context.server.sessions.set_open(Some(self.once.clone()));
         let memory = context.memory.get();
-        let (mut first, mut end) = (Some(first), None);
+        let (mut first, mut end, mut time) = (Some(first), None, None);
         let kept = memory.and_then(|memory| {
             let work = &mut || {
                 let Some(first) = first.take() else { return Ok(()) };
                 let ended = self.steps(context, memory, &ns, first);
-                let is_kept = matches!(ended, End::Commit(_));
+                let committer = match &ended {
+                    End::Commit(_, committer) => Some(*committer),
+                    _ => None,
+                };
                 end = Some(ended);
-                if is_kept { self.note(memory) } else { Err(undone(memory)) }
+                time = self.note(memory, &ns, committer.ok_or_else(|| undone(memory))?)?;
+                Ok(())
             };
             memory.as_one(&ns, work)?;
             Ok(context.server.check_files()?)
@@ -121,11 +131,15 @@ impl Open {
             _ => How::Aborted,
         };
         let failure = kept.err();
+        let time = context.server.clock.wrote(time);
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
         context.server.sessions.finish(&self.once.session, finished);
         context.server.sessions.set_open(None);
         match end {
-            Some(End::Commit(reply)) => reply.answer(failure.clone().map_or_else(host::empty, Err)),
+            Some(End::Commit(reply, _)) => {
+                let done = host::empty().map(|done| write::at(done, time));
+                reply.answer(failure.clone().map_or(done, Err));
+            }
             Some(End::Abort(Some(reply))) => reply.answer(host::empty()),
             Some(End::Abort(None) | End::Conflict) => {}
             Some(End::Superseded(job)) => context.waiting.push_front(job),
@@ -135,14 +149,18 @@ impl Open {
             // It could not even begin.
             reply.answer(Err(failure.unwrap_or_else(|| none(&self.once))));
         }
-        context.server.clock.wrote();
         context.server.hub.call();
     }
 
-    /// Notes, in the transaction, that it was committed.
-    fn note(&self, memory: &Memory) -> Result<(), StoreError> {
+    /// Notes, in the transaction, that it was committed, and which changes are its own; returns their time.
+    fn note(&self, memory: &Memory, ns: &Namespace, committer: Committer) -> Result<Option<Timestamp>, StoreError> {
         let kept = retry::keep_committed(memory, &records(), &self.once);
-        kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })
+        kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })?;
+        let Some(noted) = memory.bare(ns)?.join_changes()? else { return Ok(None) };
+        let mut lsid = self.once.session.to_document();
+        lsid.insert("uid", Binary { subtype: BinarySubtype::Generic, bytes: committer.to_vec() });
+        Joined::new(noted, lsid, self.once.number).keep(memory, &ns.database)?;
+        Ok(Some(clock::of(noted.time, noted.last)))
     }
 
     fn steps(&self, context: &mut WriterContext<'_>, memory: &Memory, ns: &Namespace, first: First) -> End {
@@ -170,7 +188,7 @@ impl Open {
                 None if left.is_zero() => break End::Abort(None),
                 None => host.handle_messages(),
                 Some(Job::Step(step)) if step.once == self.once => match step.action {
-                    Action::Commit => break End::Commit(step.reply),
+                    Action::Commit(committer) => break End::Commit(step.reply, committer),
                     Action::Abort => break End::Abort(Some(step.reply)),
                     Action::Run { starts: true, .. } => {
                         step.reply.answer(Err(started(&self.once)));

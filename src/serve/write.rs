@@ -1,6 +1,10 @@
 //! One write: done once, however often it is sent, and where it fails, it has done nothing, unless it says so.
 
+use bson::raw::{CStr, cstr};
+use bson::{RawDocumentBuf, Timestamp};
+
 use super::attempt::attempt;
+use super::clock;
 use super::failure::{Answer, is_kept};
 use super::panic;
 use super::retry;
@@ -9,6 +13,9 @@ use super::session::{Finished, Once};
 use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::Namespace;
+
+/// The time of what was written or read.
+pub(super) const OPERATION_TIME: &CStr = cstr!("operationTime");
 
 /// Does a write by itself, in the thread of its client.
 pub(super) fn alone(
@@ -36,19 +43,27 @@ pub(super) fn step(
     if let Some(write) = &repeatable {
         retry::recall(memory, ns, write, server.sessions.last(&write.once.session))?;
     }
+    let mut noted = None;
     let answer = attempt(memory, ns, |memory| {
         let answer = panic::caught(|| work(memory));
         if is_kept(&answer) {
             repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
+            noted = memory.bare(ns)?.noted_changes()?;
         }
         answer
     });
     if !is_kept(&answer) {
         return answer;
     }
-    server.clock.wrote();
+    let time = server.clock.wrote(noted.map(|noted| clock::of(noted.time, noted.last)));
     if let Some(Repeatable { once: Once { session, number }, .. }) = repeatable {
         server.sessions.finish(&session, Finished::write(number));
     }
-    answer
+    answer.map(|reply| at(reply, time))
+}
+
+/// An answer that says when what it is about was written.
+pub(super) fn at(mut reply: RawDocumentBuf, time: Timestamp) -> RawDocumentBuf {
+    reply.append(OPERATION_TIME, time);
+    reply
 }

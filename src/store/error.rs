@@ -153,11 +153,11 @@ impl StoreError {
         }
     }
 
-    /// Whether it is about one document, and not about the store, or the time that has passed.
+    /// Whether it is about one document, and not about the store, or that the operation is to end.
     pub(crate) fn is_of_document(&self) -> bool {
         match self {
             Self::Duplicate { .. } => true,
-            Self::Query(error) => error.code != QueryError::EXCEEDED_TIME_LIMIT,
+            Self::Query(error) => !QueryError::is_interruption(error.code),
             _ => false,
         }
     }

@@ -38,11 +38,13 @@ pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
 pub use namespace::{Namespace, NamespaceError};
-pub use request::{Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated};
+pub use request::{
+    Aggregation, Checked, Find, Inserted, Put, Query, UpdateRequest, UpdateSpec, Updated, Validated, ValidatedIndex,
+};
 pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
-pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, Scope, Since};
+pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, NotedChanges, Scope, Since};
 pub use write_concern::{Acknowledgment, WriteConcern};
 
 use std::borrow::Cow;
@@ -202,6 +204,16 @@ pub trait Store: Send {
         Err(self.keeps_none())
     }
 
+    /// The changes that the write transaction has made so far and that are kept, where there are any.
+    fn noted_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
+    }
+
+    /// The same, and gives all of them the time that it is now.
+    fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
+    }
+
     /// Keeps the histories of these rules from the next write on.
     fn keep_history(&self, rules: &[HistoryRule]) {
         let _ = rules;
@@ -344,6 +356,22 @@ pub trait Store: Send {
     fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
         let _ = report;
         Ok(None)
+    }
+
+    /// Checks a collection; `report` gets each damage, as a sentence. `None` where there is no such collection.
+    ///
+    /// # Errors
+    /// Where the store cannot do that, or it cannot be read.
+    fn validate(&self, ns: &Namespace, report: &mut dyn FnMut(&str)) -> Result<Option<Validated>, StoreError> {
+        let _ = (ns, report);
+        let reason = "a server checks its collections itself; connect to that".to_owned();
+        Err(StoreError::Unfit { address: self.describe(), reason })
+    }
+
+    /// The bytes of the keys of each index of a collection, by its name, where the store knows them.
+    fn index_sizes(&self, ns: &Namespace) -> Result<Vec<(String, i64)>, StoreError> {
+        let _ = ns;
+        Ok(Vec::new())
     }
 
     /// Copies the whole store, as it is at one moment, into a new file, while other processes use it.

@@ -148,6 +148,28 @@ pub struct Checked {
     pub indexes: u64,
 }
 
+/// What a check of one collection has found ([`super::Store::validate`]).
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Validated {
+    /// How many documents there are.
+    pub documents: u64,
+    /// How many of them are damaged.
+    pub damaged: u64,
+    /// The indexes, that on `_id` first.
+    pub indexes: Vec<ValidatedIndex>,
+}
+
+/// An index of a collection that was checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ValidatedIndex {
+    /// Its name.
+    pub name: String,
+    /// How many keys it has; none where it is in the catalogue only.
+    pub keys: u64,
+    /// Whether it has the keys of all documents, and no others.
+    pub is_sound: bool,
+}
+
 /// What an update did.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Updated {

@@ -92,6 +92,17 @@ pub struct Kept {
     pub is_new: bool,
 }
 
+/// The kept changes of one write transaction ([`super::Store::noted_changes`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotedChanges {
+    /// The position of the first.
+    pub first: i64,
+    /// The position of the last.
+    pub last: i64,
+    /// When the last was made.
+    pub time: DateTime,
+}
+
 /// Where the changes at or after a time begin ([`super::Store::position_at`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Since {

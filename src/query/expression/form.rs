@@ -12,6 +12,7 @@ use super::scope::{Environment, check_name};
 use super::tree::{Expression, constant};
 use super::value::Value;
 use crate::query::error::{QueryError, Result};
+use crate::query::interruption;
 use crate::query::javascript::Program;
 use crate::query::limit::Held;
 use crate::query::number::Number;
@@ -204,6 +205,7 @@ fn mapped(items: Vec<Bson>, slot: usize, body: &Expression, environment: &Enviro
     let (mut mapped, mut held) = (Vec::with_capacity(items.len()), Held::default());
     held.add_all(&items)?;
     for item in items {
+        interruption::check()?;
         let item = Some(item);
         let frame = environment.frame(slot, &item);
         let value = body.evaluate(&environment.within(&frame))?.unwrap_or(Bson::Null);
@@ -224,6 +226,7 @@ fn reduced(
     let (mut accumulated, mut input, mut held) = (initial, Held::default(), Held::default());
     input.add_all(&items)?;
     for item in items {
+        interruption::check()?;
         let item = Some(item);
         let outer = environment.frame(this, &item);
         let environment = environment.within(&outer);
@@ -298,6 +301,7 @@ fn kept(
     let (mut kept, mut held) = (Vec::new(), Held::default());
     held.add_all(&items)?;
     for item in items {
+        interruption::check()?;
         if limit.is_some_and(|limit| kept.len() >= limit) {
             break;
         }

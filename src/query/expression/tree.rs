@@ -7,7 +7,7 @@ use super::operator::{Arguments, Named, Operator, is_true};
 use super::scope::{Environment, Variables};
 use super::value::Value;
 use crate::query::error::Result;
-use crate::query::limit::Held;
+use crate::query::limit::{Held, check_copy, holds_much};
 use crate::query::view::{Fields, View};
 
 /// A compiled expression.
@@ -49,7 +49,12 @@ impl Expression {
     pub(in crate::query) fn evaluate(&self, environment: &Environment<'_>) -> Result<Value> {
         match self {
             Self::Constant(value) => Ok(value.clone()),
-            Self::Path(source, path) => Ok(at_path(*source, path, environment)),
+            Self::Path(source, path) => {
+                if holds_much() {
+                    borrowed(*source, path, environment).map_or(Ok(()), check_copy)?;
+                }
+                Ok(at_path(*source, path, environment))
+            }
             Self::Document(fields) => {
                 let (mut document, mut held) = (Document::new(), Held::default());
                 for (name, expression) in fields {
@@ -141,6 +146,19 @@ impl Expression {
 pub(super) fn constant(expression: &Expression) -> Result<Value> {
     let (none, empty) = (Variables::default(), Document::new());
     expression.evaluate(&Environment::new((&empty).into(), &none, bson::DateTime::now()))
+}
+
+/// Returns the value at a path through documents alone, where there is one.
+fn borrowed<'a>(source: Source, path: &[String], environment: &Environment<'a>) -> Option<View<'a>> {
+    let value = match source {
+        Source::Root => View::Document(environment.root),
+        Source::Slot(slot) => environment.variable(slot)?.into(),
+        Source::Now | Source::ClusterTime => return None,
+    };
+    path.iter().try_fold(value, |value, name| match value {
+        View::Document(fields) => fields.get(name),
+        _ => None,
+    })
 }
 
 fn at_path(source: Source, path: &[String], environment: &Environment<'_>) -> Value {

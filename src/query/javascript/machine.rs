@@ -13,6 +13,7 @@ use rquickjs::{Context, Ctx, Error, Function, Object, Persistent, Runtime, Value
 use super::convert::{Fault, Types, from_value, to_document, to_value};
 use super::script::Script;
 use crate::query::error::{QueryError, Result};
+use crate::query::interruption;
 use crate::query::view::{Fields, View};
 
 /// How long one call may take.
@@ -56,7 +57,9 @@ impl Machine {
         runtime.set_max_stack_size(STACK_LIMIT);
         let deadline = Rc::new(Cell::new(None));
         let watched = Rc::clone(&deadline);
-        let is_over = move || watched.get().is_some_and(|deadline: Instant| Instant::now() >= deadline);
+        let is_over = move || {
+            watched.get().is_some_and(|deadline: Instant| Instant::now() >= deadline) || interruption::check().is_err()
+        };
         runtime.set_interrupt_handler(Some(Box::new(is_over)));
         Ok(Self { programs: HashMap::new(), runtime, deadline })
     }
@@ -94,6 +97,7 @@ impl Machine {
         script: &Script,
         work: impl for<'js> FnOnce(&Ctx<'js>, &Function<'js>, &Types<'_, 'js>) -> std::result::Result<T, Fault>,
     ) -> Result<T> {
+        interruption::check()?;
         self.deadline.set(Some(Instant::now() + TIME_LIMIT));
         self.compile(script)?;
         let Some(compiled) = self.programs.get(&script.id) else { return Err(failure("no program".to_owned())) };
@@ -112,6 +116,9 @@ impl Machine {
 
     /// Says what ended a program.
     fn explain(&self, ctx: &Ctx<'_>, error: &Error) -> QueryError {
+        if let Err(interruption) = interruption::check() {
+            return interruption;
+        }
         if self.deadline.get().is_some_and(|deadline| Instant::now() >= deadline) {
             return failure(format!("it ran longer than {} s", TIME_LIMIT.as_secs()));
         }

@@ -2,7 +2,8 @@
 
 use bson::{Document, RawDocumentBuf};
 
-use crate::query::error::Result;
+use crate::query::error::{QueryError, Result};
+use crate::query::interruption;
 use crate::query::limit::encode_between;
 
 /// A stream of documents, which ends with the first error.
@@ -41,6 +42,14 @@ pub(super) fn lazy<'a, E: 'a>(
             }
         }
         ready.next()
+    }))
+}
+
+/// Returns a stream that fails where the operation is to end.
+pub(super) fn interruptible<'a, E: From<QueryError> + 'a>(documents: Documents<'a, E>) -> Documents<'a, E> {
+    Box::new(documents.map(|document| {
+        interruption::check()?;
+        document
     }))
 }
 

@@ -9,6 +9,7 @@ use super::run::Run;
 use super::stage::Stage;
 use crate::query::error::{QueryError, Result};
 use crate::query::expression::Scope;
+use crate::query::interruption;
 use crate::query::limit::Held;
 use crate::query::spill::Spool;
 
@@ -62,7 +63,10 @@ impl Facet {
         let documents = documents.shared()?;
         let mut results = Document::new();
         for (name, pipeline) in &self.pipelines {
-            let copy = documents.documents().map(|document| Ok(document?));
+            let copy = documents.documents().map(|document| {
+                interruption::check()?;
+                Ok(document?)
+            });
             let output = pipeline.run_with(Box::new(copy), run.clone());
             results.insert(name.clone(), array(output)?);
         }

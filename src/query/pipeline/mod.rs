@@ -42,6 +42,7 @@ use super::limit::check_result;
 use super::spill::Spill;
 use super::text;
 pub use description::Description;
+use documents::interruptible;
 pub use documents::{Documents, Origin, Sources};
 pub use output::{Merge, Output, WhenMatched, WhenNotMatched};
 pub use parse::is_empty_match;
@@ -183,7 +184,12 @@ impl Pipeline {
     fn run_with<'a, E: From<QueryError> + 'a>(&'a self, input: Documents<'a, E>, run: Run<'a, E>) -> Documents<'a, E> {
         let mut documents = input;
         let mut stages = self.stages.iter().peekable();
+        let mut is_first = true;
         while let Some(stage) = stages.next() {
+            // What a collection gives is looked at where it is read.
+            if !std::mem::replace(&mut is_first, false) {
+                documents = interruptible(documents);
+            }
             let limit = match (stage, stages.peek()) {
                 (Stage::Sort(_), Some(Stage::Limit(limit))) => Some(*limit),
                 _ => None,

@@ -41,7 +41,8 @@ fn named(branch: &Branch, document: &Document) -> Document {
             (None, Mode::Include) | (Some(Treatment::Named), Mode::Exclude) => None,
             (None, _) | (Some(Treatment::Named), _) => Some(value.clone()),
             (Some(Treatment::Computed(_)), Mode::Include) => None,
-            (Some(Treatment::Computed(_)), _) => Some(value.clone()),
+            // What is computed takes this place, or removes it.
+            (Some(Treatment::Computed(_)), _) => Some(Bson::Null),
             (Some(Treatment::Branch(inner)), _) => named_value(inner, value),
         };
         if let Some(value) = kept {

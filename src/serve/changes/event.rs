@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::difference;
+use super::joined::{self, Joined};
 use super::spec::{After, Before};
 use super::token::{Token, TokenKind};
 use crate::query::QueryError;
@@ -21,7 +22,14 @@ pub(super) struct Shape {
 
 impl Shape {
     /// The event of a change; none where the stream does not report it.
-    pub(super) fn event(&self, ns: &Namespace, change: Change, position: i64) -> Result<Option<Document>, Failure> {
+    pub(super) fn event(
+        &self,
+        ns: &Namespace,
+        change: Change,
+        position: i64,
+        joined: Option<&Joined>,
+    ) -> Result<Option<Document>, Failure> {
+        let time = joined::time(&change, position, joined);
         let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
             return Ok(None);
         };
@@ -29,13 +37,13 @@ impl Shape {
         if self.metadata == Metadata::Hidden && is_update && before == after {
             return Ok(None);
         }
-        let at = change.time;
         let mut event = doc! {
             "_id": Token { position, kind: TokenKind::Change }.to_document(),
             "operationType": change.kind.name(),
-            "clusterTime": clock::of(at, position),
-            "wallTime": at,
+            "clusterTime": time,
+            "wallTime": change.time,
         };
+        event.extend(joined.map(Joined::fields).unwrap_or_default());
         let has_after = matches!(change.kind, ChangeKind::Insert | ChangeKind::Replace);
         if has_after || (is_update && self.after != After::No) {
             event.insert("fullDocument", checked(&after, self.after == After::Required)?);

@@ -2,11 +2,13 @@
 
 mod difference;
 mod event;
+mod joined;
 mod scopes;
 mod spec;
 mod stream;
 mod token;
 
+pub(super) use joined::Joined;
 pub(super) use scopes::Scopes;
 pub(super) use spec::Spec;
 pub(super) use stream::{Batch, Stream};

@@ -21,7 +21,7 @@ pub(in crate::serve) struct Scopes(Mutex<HashMap<Scope, Watched>>);
 struct Watched {
     /// When a stream read it last.
     used: Instant,
-    /// No change after this time is missing; none where an earlier server began to keep them.
+    /// No change after this time is missing, but the one at it is; none where an earlier server began to keep them.
     since: Option<Timestamp>,
 }
 
@@ -47,11 +47,11 @@ impl Scopes {
         Ok(kept)
     }
 
-    /// Whether changes of a scope after a time may be missing: they were not kept yet, or are not kept any more.
+    /// Whether changes of a scope at or after a time may be missing: they were not kept yet, or are not kept any more.
     pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp) -> bool {
         let age = DateTime::now().timestamp_millis() - clock::date(time).timestamp_millis();
         let since = self.lock().get(scope).and_then(|watched| watched.since);
-        since.is_some_and(|since| time < since) || u128::try_from(age).is_ok_and(|age| age > RETENTION.as_millis())
+        since.is_some_and(|since| time <= since) || u128::try_from(age).is_ok_and(|age| age > RETENTION.as_millis())
     }
 
     /// Notes that a stream reads a scope.

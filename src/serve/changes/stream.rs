@@ -4,9 +4,10 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use bson::raw::cstr;
-use bson::{DateTime, Document, RawArrayBuf, RawDocumentBuf};
+use bson::{DateTime, Document, RawArrayBuf, RawDocumentBuf, Timestamp};
 
 use super::event::{Shape, invalidate};
+use super::joined::{self, Joined};
 use super::scopes::Scopes;
 use super::spec::{Spec, Start};
 use super::token::{Token, TokenKind};
@@ -29,6 +30,8 @@ pub(in crate::serve) struct Stream {
     scope: Scope,
     /// All changes up to here have been looked at.
     position: i64,
+    /// Where it begins at a time: changes before that are left out, up to the first at or after it.
+    from: Option<Timestamp>,
     shape: Shape,
     stages: Vec<Document>,
     /// What was not sent yet, each with its token.
@@ -71,11 +74,16 @@ impl Stream {
                 since.position
             }
         };
+        let from = match spec.start {
+            Start::At(time) => Some(time),
+            Start::Now | Start::Behind(_) => None,
+        };
         let shape = Shape { after: spec.after, before: spec.before, metadata };
         let mut stream = Self {
             used: Instant::now(),
             scope: spec.scope,
             position,
+            from,
             shape,
             stages: spec.stages,
             pending: VecDeque::new(),
@@ -133,10 +141,22 @@ impl Stream {
         let page = memory.changes(&self.scope, self.position, PAGE)?;
         let is_empty = page.until == self.position;
         let mut events = Vec::new();
+        let joined = match page.changes.is_empty() {
+            true => Vec::new(),
+            false => {
+                Joined::between(memory, self.scope.database().unwrap_or("config"), (self.position + 1, page.until))?
+            }
+        };
         for (ns, change) in page.changes {
             let position = change.position.parse().unwrap_or(page.until);
+            let joined = Joined::of(&joined, position);
+            let time = joined::time(&change, position, joined);
+            if self.from.is_some_and(|from| clock::packed(time) < clock::packed(from)) {
+                continue;
+            }
+            self.from = None;
             let (ends, at) = (is_end(&self.scope, change.kind), change.time);
-            if let Some(event) = self.shape.event(&ns, change, position)? {
+            if let Some(event) = self.shape.event(&ns, change, position, joined)? {
                 events.push((Token { position, kind: TokenKind::Change }, event));
             }
             if ends {

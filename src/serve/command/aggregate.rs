@@ -109,7 +109,7 @@ fn read(host: &mut Host<'_>, call: &Call) -> Answer {
             call.access(memory).aggregate(&ns, Aggregation { stages: &stages, modifiers: &fields.modifiers()? })?
         }
     };
-    call.request.check_time()?;
+    call.request.check_ending()?;
     host.answer(&ns, call.request.origin(), documents, batch)
 }
 
@@ -171,8 +171,8 @@ fn own_source(
             statistics::indexes(memory, ns)?
         }
         "$currentOp" => {
-            check_current_op(call, ns, argument)?;
-            super::server::operations(&host.server)
+            let lists_idle = check_current_op(call, ns, argument)?;
+            super::operation::operations(&host.server, lists_idle)
         }
         "$listSessions" | "$listLocalSessions" | "$planCacheStats" => {
             return Err(Failure::unsupported(&format!("the stage {name}")));
@@ -181,8 +181,8 @@ fn own_source(
     }))
 }
 
-/// What is said of the operations to be listed; nothing of it makes a difference here.
-fn check_current_op(call: &Call, ns: &Namespace, argument: &Bson) -> Result<(), Failure> {
+/// What is said of the operations to be listed: whether connections that do nothing are, too.
+fn check_current_op(call: &Call, ns: &Namespace, argument: &Bson) -> Result<bool, Failure> {
     const OPTIONS: [&str; 7] =
         ["allUsers", "backtrace", "idleConnections", "idleCursors", "idleSessions", "localOps", "truncateOps"];
     if ns.database != "admin" || ns.collection != NO_COLLECTION {
@@ -204,7 +204,8 @@ fn check_current_op(call: &Call, ns: &Namespace, argument: &Bson) -> Result<(), 
         return Err(Failure::new(codes::INVALID_OPTIONS, message));
     }
     let options = Fields::new("$currentOp", options);
-    OPTIONS.iter().try_for_each(|name| options.strict_flag(name).map(drop))
+    OPTIONS.iter().try_for_each(|name| options.strict_flag(name).map(drop))?;
+    options.strict_flag("idleConnections")
 }
 
 /// Documents that are there already, through the stages behind the one that gave them.
@@ -238,7 +239,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
     let kept = host.write(
         ns.clone(),
         None,
-        call.request.deadline(),
+        call.request.limits(),
         Box::new(move |memory| {
             let written = server.clock.written().unwrap_or(clock::of(server.started, 0));
             let kept = server.scopes.keep(memory, &scope, written)?;

@@ -7,11 +7,13 @@ use bson::raw::cstr;
 use bson::{Bson, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
+use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::changes::{Batch, Stream};
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::host::Host;
+use crate::serve::request::Request;
 
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("getMore", more).transactional(), Command::read("killCursors", kill).transactional()];
@@ -75,6 +77,7 @@ fn events(
             return stream_reply(if next.is_over { 0 } else { id }, &open.namespace.to_string(), &next, false);
         }
         host.server.check_running()?;
+        call.request.check_ending().inspect_err(|_| host.server.cursors.forget(id))?;
         if host.server.cursors.get(id).is_none() {
             return Err(Failure::new(codes::CURSOR_KILLED, format!("cursor id {id} was killed")));
         }
@@ -106,7 +109,10 @@ fn kill(host: &mut Host<'_>, call: &Call) -> Answer {
         let found = host.server.cursors.kill(*id);
         if found { killed.push(*id) } else { missing.push(*id) }
     }
-    host.server.hub.call();
+    let reads_killed = |request: &Request| {
+        request.name == "getMore" && matches!(request.target(), Some(Bson::Int64(id)) if killed.contains(id))
+    };
+    host.server.stop_operations(QueryError::CURSOR_KILLED, reads_killed);
     host.handle_messages();
     let none: Vec<i64> = Vec::new();
     raw(

@@ -1,5 +1,7 @@
 //! `explain`: of which command, and how much.
 
+use std::sync::Arc;
+
 use bson::{Bson, Document};
 
 use super::definition::{Command, raw};
@@ -30,7 +32,7 @@ fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
             return Err(Failure::new(codes::FAILED_TO_PARSE, message));
         }
     };
-    let inner = Call::new(Request::read(inner)?, call.metadata, &call.author);
+    let inner = Call::new(Arc::new(Request::read(inner)?), call.metadata, &call.author);
     let ns = inner.request.readable()?;
     let fields = inner.request.fields();
     let asked = match inner.request.name.as_str() {

@@ -51,7 +51,7 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     // One batch, of as many as there may be.
     let size = if batch.is_only && limit > 0 { Some(limit.min(batch.size.unwrap_or(limit))) } else { batch.size };
     let documents = call.access(memory).find(&ns, &find)?;
-    call.request.check_time()?;
+    call.request.check_ending()?;
     host.answer(&ns, call.request.origin(), documents, FirstBatch { size, ..batch })
 }
 

@@ -125,7 +125,7 @@ fn results(call: &Call, access: Access<'_>, functions: &MapReduce) -> Result<Vec
     };
     let documents = access.find(&ns, &find)?;
     let found = during(collation.as_ref(), || functions.run(documents))?;
-    call.request.check_time()?;
+    call.request.check_ending()?;
     Ok(found)
 }
 

@@ -17,6 +17,7 @@ mod insert;
 mod login;
 mod map_reduce;
 mod modify;
+mod operation;
 mod server;
 mod session;
 mod statistics;
@@ -51,11 +52,12 @@ use crate::store::Namespace;
 use definition::{Command, Run, raw};
 
 /// All groups.
-const GROUPS: [&[Command]; 19] = [
+const GROUPS: [&[Command]; 20] = [
     COMMANDS,
     handshake::COMMANDS,
     login::COMMANDS,
     server::COMMANDS,
+    operation::COMMANDS,
     session::COMMANDS,
     transaction::COMMANDS,
     insert::COMMANDS,
@@ -84,7 +86,9 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
-    let request = Request::read(body)?;
+    let request = Arc::new(Request::read(body)?);
+    let activity = Arc::clone(&client.activity);
+    let _active = activity.begin(&request);
     let (is_unacknowledged, failure) = (request.is_unacknowledged(), request.unmet_concern());
     let ns = failure.as_ref().map(|_| home(&request));
     let unacknowledged = match request.name.as_str() {
@@ -105,7 +109,7 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     Ok(reply)
 }
 
-fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Form) -> Answer {
+fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Arc<Request>, form: Form) -> Answer {
     let Some(command) = find(&request.name) else { return Err(unknown(&request)) };
     if form == Form::Query && !QUERIED.contains(&command.name) {
         let message = format!("Unsupported OP_QUERY command: {}; use OP_MSG", request.name);
@@ -131,7 +135,7 @@ fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Request, form: Fo
     if call.request.is_in_transaction() {
         return in_transaction(host, client, command, call);
     }
-    let _deadline = Deadline::set(call.request.deadline());
+    let _deadline = Deadline::set(call.request.limits());
     match command.run {
         Run::Here(_) => host::empty(),
         Run::Read(run) => run(host, &call),
@@ -176,7 +180,7 @@ fn check_writable(host: &Host<'_>, request: &Request) -> Result<(), Failure> {
 fn write_in_slices(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call: &Call) -> Answer {
     check_writable(host, &call.request)?;
     let ns = home(&call.request);
-    host.write_in_slices(&ns, call.request.deadline(), |memory| {
+    host.write_in_slices(&ns, call.request.limits(), |memory| {
         memory.sign(&call.author);
         confirmed(memory, &ns, &call.request, |memory| run(memory, call))
     })
@@ -203,13 +207,13 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call)
         call.statements = Arc::new(Statements::read(&call.request)?);
     }
     let once = once.map(|once| Repeatable { once, statements: Arc::clone(&call.statements) });
-    let (home, deadline) = (home(&call.request), call.request.deadline());
+    let (home, limits) = (home(&call.request), call.request.limits());
     let ns = home.clone();
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
         confirmed(memory, &ns, &call.request, |memory| run(memory, &call))
     };
-    host.write(home, once, deadline, Box::new(work))
+    host.write(home, once, limits, Box::new(work))
 }
 
 /// A collection of the database that a command is about: it says which store.
@@ -240,7 +244,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
         client.transactions.insert(session.clone(), part.number);
     }
     let end = match command.name {
-        "commitTransaction" => Some((Action::Commit, How::Committed)),
+        "commitTransaction" => Some((Action::Commit(client.digest()), How::Committed)),
         "abortTransaction" => Some((Action::Abort, How::Aborted)),
         _ => None,
     };
@@ -263,9 +267,8 @@ fn outside_only(command: &Command) -> Failure {
 fn check_in_transaction(request: &Request, starts: bool) -> Result<(), Failure> {
     let body = &request.body;
     let is_end = matches!(request.name.as_str(), "commitTransaction" | "abortTransaction");
-    if is_end && request.database != "admin" {
-        let message = format!("{} may only be run against the admin database.", request.name);
-        return Err(Failure::new(codes::UNAUTHORIZED, message));
+    if is_end {
+        request.check_admin()?;
     }
     if !is_end && matches!(request.database.as_str(), "config" | "local") {
         let message = format!("Cannot run command against the '{}' database in a transaction.", request.database);
@@ -342,7 +345,7 @@ fn step(host: &mut Host<'_>, command: &Command, once: Once, starts: bool, call: 
 /// Runs a command where its transaction is.
 pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
     let Some(command) = find(&call.request.name) else { return Err(unknown(&call.request)) };
-    let _deadline = Deadline::set(call.request.deadline());
+    let _deadline = Deadline::set(call.request.limits());
     let is_writing = command.is_writing(&call.request);
     if is_writing {
         check_writable(host, &call.request)?;
@@ -362,6 +365,11 @@ pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
 fn find(name: &str) -> Option<&'static Command> {
     let mut all = GROUPS.iter().flat_map(|group| group.iter());
     all.find(|command| command.name == name || (is_alias(name) && command.name.eq_ignore_ascii_case(name)))
+}
+
+/// Whether a command only reads, so that it need not come to its end.
+pub(super) fn only_reads(request: &Request) -> bool {
+    find(&request.name).is_some_and(|command| !command.is_writing(request))
 }
 
 /// Names that MongoDB takes in small letters, too.

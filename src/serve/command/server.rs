@@ -8,7 +8,7 @@ use super::definition::{Command, raw};
 use crate::saturate::to_i64;
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::number;
+use crate::serve::fields::{is_generic, number};
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::TRANSACTION_LIMIT;
@@ -17,10 +17,11 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::here("serverStatus", status),
     Command::here("hostInfo", host_info),
     Command::here("getParameter", parameter),
+    Command::here("setParameter", set_parameter),
+    Command::here("profile", profile),
     Command::here("getLog", log),
     Command::here("getCmdLineOpts", options),
     Command::here("top", top),
-    Command::here("currentOp", current),
     Command::here("replSetGetStatus", set_status),
 ];
 
@@ -94,6 +95,28 @@ fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
     }
 }
 
+/// No parameter can be set while the server runs.
+fn set_parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.check_admin()?;
+    let named = request.body.keys().skip(1).find(|name| !is_generic(name));
+    let message = match named {
+        Some(name) => format!("attempted to set unrecognized parameter [{name}]"),
+        None => "no option found to set".to_owned(),
+    };
+    Err(Failure::new(codes::INVALID_OPTIONS, message))
+}
+
+/// Nothing is profiled: the level is 0, and cannot be raised.
+fn profile(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    let fields = request.fields();
+    fields.refuse(&["slowms", "sampleRate", "filter"])?;
+    let level = fields.whole("profile")?.ok_or_else(|| fields.missing("profile"))?;
+    match level {
+        1 | 2 => Err(Failure::unsupported(&format!("profile: {level}"))),
+        _ => raw(&doc! { "was": 0, "slowms": 100, "sampleRate": 1.0 }),
+    }
+}
+
 fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
     match request.target() {
         Some(Bson::String(name)) if name == "*" => raw(&doc! { "names": ["global", "startupWarnings"] }),
@@ -113,16 +136,6 @@ fn options(_: &mut Client, _: &Server, _: &Request) -> Answer {
 
 fn top(_: &mut Client, _: &Server, _: &Request) -> Answer {
     raw(&doc! { "totals": { "note": "all times in microseconds" } })
-}
-
-/// What is being done; a command is over too soon to be seen.
-pub(super) fn operations(server: &Server) -> Vec<Document> {
-    let connected = to_i64(server.connected());
-    vec![doc! { "type": "op", "host": host_name(), "active": true, "op": "command", "connections": connected }]
-}
-
-fn current(_: &mut Client, server: &Server, _: &Request) -> Answer {
-    raw(&doc! { "inprog": operations(server) })
 }
 
 fn set_status(client: &mut Client, server: &Server, _: &Request) -> Answer {

@@ -3,6 +3,7 @@
 use bson::{Bson, doc};
 
 use super::definition::{Command, raw};
+use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure};
@@ -17,7 +18,7 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::here("startSession", start),
     Command::here("refreshSessions", refresh),
     Command::read("endSessions", end),
-    Command::read("killSessions", end),
+    Command::read("killSessions", kill),
     Command::read("killAllSessions", kill_all),
     Command::read("killAllSessionsByPattern", kill_all),
 ];
@@ -41,9 +42,24 @@ fn end(host: &mut Host<'_>, call: &Call) -> Answer {
     host::empty()
 }
 
+/// The same; what they are doing is stopped, too.
+fn kill(host: &mut Host<'_>, call: &Call) -> Answer {
+    let sessions = sessions(&call.request)?;
+    stop(host, call, |session| sessions.contains(session));
+    end(host, call)
+}
+
+/// Stops the operations of sessions, but not the one that asks for it.
+fn stop(host: &Host<'_>, call: &Call, is_meant: impl Fn(&SessionId) -> bool) {
+    host.server.stop_operations(QueryError::INTERRUPTED, |request| {
+        request.operation != call.request.operation && request.session.as_ref().is_some_and(&is_meant)
+    });
+}
+
 /// Ends the cursors of all sessions; whose transactions they are is not known here.
 fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.fields().documents(&call.request.name)?;
+    stop(host, call, |_| true);
     host.server.cursors.kill_all(|origin| origin.session.is_some());
     host.server.readings.end_all(|_| true);
     host.server.writer.submit(Job::Abandon(Abandoned::All))?;

@@ -7,12 +7,13 @@ use crate::memory::{Listed, Memory};
 use crate::query::QueryError;
 use crate::saturate::to_i64;
 use crate::serve::call::Call;
-use crate::serve::failure::{Answer, Failure};
+use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, number, whole};
 use crate::serve::host::Host;
-use crate::store::{Namespace, Store};
+use crate::store::{Namespace, Store, Validated};
 
-pub(super) const COMMANDS: &[Command] = &[Command::read("collStats", collection), Command::read("dbStats", database)];
+pub(super) const COMMANDS: &[Command] =
+    &[Command::read("collStats", collection), Command::read("dbStats", database), Command::read("validate", validate)];
 
 /// Documents and their bytes.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,7 +43,11 @@ pub(super) fn bytes(memory: &Memory, collections: &[Namespace]) -> Result<i64, F
 fn described(store: &dyn Store, ns: &Namespace, size: Size, scale: i64) -> Result<Document, Failure> {
     let indexes = store.indexes(ns)?;
     let average = if size.count > 0 { size.bytes / size.count } else { 0 };
-    let sizes: Document = indexes.iter().map(|index| (index.name.clone(), Bson::Int32(0))).collect();
+    let known = store.index_sizes(ns)?;
+    let all: i64 = known.iter().map(|(_, bytes)| bytes).sum();
+    let size_of = |name: &str| known.iter().find(|(known, _)| known == name).map_or(0, |(_, bytes)| *bytes);
+    let sizes: Document =
+        indexes.iter().map(|index| (index.name.clone(), number(size_of(&index.name) / scale))).collect();
     Ok(doc! {
         "size": number(size.bytes / scale),
         "count": number(size.count),
@@ -53,8 +58,8 @@ fn described(store: &dyn Store, ns: &Namespace, size: Size, scale: i64) -> Resul
         "capped": false,
         "nindexes": i32::try_from(indexes.len()).unwrap_or(i32::MAX),
         "indexBuilds": Bson::Array(Vec::new()),
-        "totalIndexSize": 0,
-        "totalSize": number(size.bytes / scale),
+        "totalIndexSize": number(all / scale),
+        "totalSize": number((size.bytes + all) / scale),
         "indexSizes": sizes,
         "scaleFactor": number(scale),
     })
@@ -84,7 +89,7 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     let (memory, scale) = (host.memory()?, scale(fields)?);
     let mut all = call.access(memory).collections()?;
     all.retain(|ns| ns.database == call.request.database);
-    let (mut sum, mut indexes) = (Size::default(), 0);
+    let (mut sum, mut indexes, mut keys) = (Size::default(), 0, 0);
     let mut views = 0_i64;
     for ns in &all {
         match memory.collection_or_view(ns)? {
@@ -94,6 +99,7 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
                 continue;
             }
         }
+        keys += memory.bare(ns)?.index_sizes(ns)?.iter().map(|(_, bytes)| bytes).sum::<i64>();
         let one = size(memory, ns)?;
         sum = Size { count: sum.count + one.count, bytes: sum.bytes + one.bytes };
     }
@@ -108,11 +114,41 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
         "dataSize": double(sum.bytes / scale),
         "storageSize": double(sum.bytes / scale),
         "indexes": number(to_i64(indexes)),
-        "indexSize": 0.0,
-        "totalSize": double(sum.bytes / scale),
+        "indexSize": double(keys / scale),
+        "totalSize": double((sum.bytes + keys) / scale),
         "scaleFactor": double(scale),
         "fsUsedSize": 0.0,
         "fsTotalSize": 0.0,
+    })
+}
+
+fn validate(host: &mut Host<'_>, call: &Call) -> Answer {
+    let (ns, fields) = (call.request.readable()?, call.request.fields());
+    // How deep it looks makes no difference: it is as deep as it can be.
+    fields.check(&["full", "background", "metadata", "checkBSONConformance"], &["repair"])?;
+    let mut errors = Vec::new();
+    let validated = host.memory()?.bare(&ns)?.validate(&ns, &mut |damage| errors.push(damage.to_owned()))?;
+    let Some(Validated { documents, damaged, indexes }) = validated else {
+        let message = format!("Collection '{ns}' does not exist to validate.");
+        return Err(Failure::new(codes::NO_NAMESPACE, message));
+    };
+    let keys: Document = indexes.iter().map(|index| (index.name.clone(), number(to_i64(index.keys)))).collect();
+    let details = indexes.iter().map(|index| (index.name.clone(), doc! { "valid": index.is_sound }.into()));
+    raw(&doc! {
+        "ns": ns.to_string(),
+        "nInvalidDocuments": number(to_i64(damaged)),
+        "nNonCompliantDocuments": 0,
+        "nrecords": number(to_i64(documents)),
+        "nIndexes": number(to_i64(indexes.len())),
+        "keysPerIndex": keys,
+        "indexDetails": details.collect::<Document>(),
+        "valid": errors.is_empty(),
+        "repaired": false,
+        "warnings": [],
+        "errors": errors,
+        "extraIndexEntries": [],
+        "missingIndexEntries": [],
+        "corruptRecords": [],
     })
 }
 

@@ -3,6 +3,7 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::handshake::MAX_BATCH;
+use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -28,11 +29,14 @@ impl Outcome {
     /// Notes that a statement failed; says whether those behind it are to be done.
     ///
     /// # Errors
-    /// Where a server is not reached before anything was done: the command as a whole has failed then.
+    /// Where a server is not reached before anything was done, or the command is to end: it has failed as a whole then.
     pub(super) fn fail(&mut self, index: usize, failure: Failure, is_ordered: bool) -> Result<bool, Failure> {
         let is_unreachable = failure.code == codes::UNREACHABLE;
         if is_unreachable && self.n == 0 && self.errors.is_empty() {
             return Err(failure);
+        }
+        if QueryError::is_interruption(failure.code) {
+            return Err(if self.n == 0 { failure } else { failure.after_the_rest() });
         }
         self.errors.push(failure.write_error(index));
         Ok(!is_ordered && !is_unreachable)

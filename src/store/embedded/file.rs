@@ -29,9 +29,11 @@ use super::catalog_cache::CatalogCache;
 use super::indexed::Remembered;
 use super::log_size::LogSize;
 use super::place::{Place, companions, folder, log};
+use super::scan::check_ending;
 use super::spare::Spare;
 use super::transaction::Log;
 use super::{Embedded, busy, failure};
+use crate::query::look_at;
 use crate::store::StoreError;
 
 /// The layout this rmem writes, and the newest it reads.
@@ -183,6 +185,7 @@ impl Embedded {
             _ => return Err(unmarked(&place, &connection)),
         }
         tune(&connection).map_err(explain)?;
+        look_at(check_ending);
         Ok(Self {
             identity: place.identity(),
             connection,

@@ -14,6 +14,7 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
+use super::scan::check_ending;
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Collation, Filter, QueryError, text};
@@ -277,6 +278,7 @@ impl Embedded {
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
         let mut rows = statement.query([]).map_err(|e| self.explain(&e))?;
         while let Some(row) = rows.next().map_err(|e| self.explain(&e))? {
+            check_ending()?;
             let position: i64 = row.get(0).map_err(|e| self.explain(&e))?;
             let bytes = row.get_ref(1).and_then(|column| Ok(column.as_blob()?)).map_err(|e| self.explain(&e))?;
             let body =

@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use bson::{Document, RawDocumentBuf};
-use rusqlite::Connection;
+use bson::{DateTime, Document, RawDocumentBuf};
+use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::change_log::{self, LARGEST, Noted};
@@ -15,7 +15,7 @@ use super::scan::Scan;
 use super::transaction::Watched;
 use super::{Embedded, history, notifier, watcher};
 use crate::query::{Filter, QueryError};
-use crate::store::{Modifiers, Namespace, StoreError};
+use crate::store::{Modifiers, Namespace, NotedChanges, StoreError};
 
 /// The watchers of a collection.
 #[derive(Clone, Copy)]
@@ -36,12 +36,43 @@ impl Embedded {
         if !is_kept && !is_for_watchers {
             return Ok(());
         }
-        self.log.noted.set(true);
         let append = || {
-            change_log::append(&self.connection, ns, noted)?;
+            self.append(ns, noted)?;
             if is_kept { history::sign(&self.connection, &self.log.keeping, noted.place) } else { Ok(()) }
         };
         append().map_err(|e| self.explain(&e))
+    }
+
+    fn append(&self, ns: &Namespace, noted: Noted<'_>) -> rusqlite::Result<()> {
+        change_log::append(&self.connection, ns, noted)?;
+        if !self.log.noted.replace(true) {
+            self.log.first.set(self.connection.last_insert_rowid());
+        }
+        Ok(())
+    }
+
+    /// The changes of the write transaction.
+    pub(super) fn noted(&self) -> Result<Option<NotedChanges>, StoreError> {
+        if !self.log.noted.get() {
+            return Ok(None);
+        }
+        let first = self.log.first.get();
+        let sql = "SELECT sequence, time FROM changes WHERE sequence >= ? ORDER BY sequence DESC LIMIT 1";
+        let last = self.connection.prepare_cached(sql).and_then(|mut statement| {
+            let read = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, DateTime::from_millis(row.get(1)?)));
+            statement.query_row([first], read).optional()
+        });
+        Ok(last.map_err(|e| self.explain(&e))?.map(|(last, time)| NotedChanges { first, last, time }))
+    }
+
+    /// The same, all of them at a time.
+    pub(super) fn joined(&self, time: DateTime) -> Result<Option<NotedChanges>, StoreError> {
+        let Some(noted) = self.noted()? else { return Ok(None) };
+        let sql = "UPDATE changes SET time = ? WHERE sequence >= ?";
+        let joined = self.connection.prepare_cached(sql);
+        let joined = joined.and_then(|mut all| all.execute(params![time.timestamp_millis(), noted.first]));
+        joined.map_err(|e| self.explain(&e))?;
+        Ok(Some(NotedChanges { time, ..noted }))
     }
 
     /// Appends the changes of a drop, before it is done: for the history, the documents that go.
@@ -65,8 +96,7 @@ impl Embedded {
         if !self.wanted(&ns)?.by_watchers {
             return Ok(());
         }
-        self.log.noted.set(true);
-        change_log::append(&self.connection, &ns, Noted::drop_database()).map_err(|e| self.explain(&e))
+        self.append(&ns, Noted::drop_database()).map_err(|e| self.explain(&e))
     }
 
     /// Appends the changes of a rename: a drop of the old name, and for watchers of the new

@@ -34,6 +34,7 @@ use sharing::Sharing;
 pub(super) use choose::sharpen;
 pub(super) use examined::Examined;
 pub(super) use found::Found;
+pub(super) use limit::check_ending;
 
 /// Documents of a collection that match.
 pub(super) struct Scan<'a> {

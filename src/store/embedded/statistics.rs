@@ -72,19 +72,9 @@ impl Embedded {
             size += to_i64(document?.as_bytes().len());
         }
         let stored = collection.bytes(&self.connection).map_err(|e| self.explain(&e))?;
-        let indexes = self.indexes_of(collection)?;
-        let (mut sizes, mut all) = (doc! { crate::store::index::ID: 0 }, 0);
-        for index in indexes.iter() {
-            let sql = format!("SELECT coalesce(sum(length(key) + 8), 0) FROM {}", index.table());
-            let bytes = match index.is_kept() {
-                true => {
-                    self.connection.query_row(&sql, [], |row| row.get::<_, i64>(0)).map_err(|e| self.explain(&e))?
-                }
-                false => 0,
-            };
-            sizes.insert(&index.definition.name, number(bytes / scale));
-            all += bytes;
-        }
+        let sizes = self.sizes(collection)?;
+        let all: i64 = sizes.iter().map(|(_, bytes)| bytes).sum();
+        let sizes: Document = sizes.into_iter().map(|(name, bytes)| (name, number(bytes / scale))).collect();
         let mut statistics = doc! { "size": number(size / scale), "count": number(documents) };
         if documents > 0 {
             statistics.insert("avgObjSize", number(size / documents));
@@ -102,6 +92,22 @@ impl Embedded {
             "scaleFactor": number(scale),
         });
         Ok(statistics)
+    }
+}
+
+impl Embedded {
+    /// The bytes of the keys and positions of each index, that on `_id` first.
+    pub(super) fn sizes(&self, collection: Collection) -> Result<Vec<(String, i64)>, StoreError> {
+        let bytes = |table: &str| {
+            let sql = format!("SELECT coalesce(sum(length(key) + 8), 0) FROM {table}");
+            self.connection.query_row(&sql, [], |row| row.get(0)).map_err(|e| self.explain(&e))
+        };
+        let mut sizes = vec![(crate::store::index::ID.to_owned(), bytes(&collection.table())?)];
+        for index in self.indexes_of(collection)?.iter() {
+            let bytes = if index.is_kept() { bytes(&index.table())? } else { 0 };
+            sizes.push((index.definition.name.clone(), bytes));
+        }
+        Ok(sizes)
     }
 }
 

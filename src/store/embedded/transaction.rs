@@ -19,6 +19,8 @@ pub(super) struct Log {
     pub(super) watched: RefCell<Option<Watched>>,
     /// Whether a change was appended.
     pub(super) noted: Cell<bool>,
+    /// The position of the first of them.
+    pub(super) first: Cell<i64>,
     /// The histories that this process keeps.
     pub(super) keeping: Keeping,
 }

@@ -16,7 +16,8 @@ use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
-    Name, Namespace, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Values,
+    Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Validated,
+    Values,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -153,6 +154,14 @@ impl Store for Embedded {
         self.changes_behind(scope, behind, most)
     }
 
+    fn noted_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        self.noted()
+    }
+
+    fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        self.joined(DateTime::now())
+    }
+
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         self.before(scope, time)
     }
@@ -244,6 +253,14 @@ impl Store for Embedded {
 
     fn check(&self, report: &mut dyn FnMut(&str)) -> Result<Option<Checked>, StoreError> {
         self.check_all(report).map(Some)
+    }
+
+    fn validate(&self, ns: &Namespace, report: &mut dyn FnMut(&str)) -> Result<Option<Validated>, StoreError> {
+        self.validated(ns, report)
+    }
+
+    fn index_sizes(&self, ns: &Namespace) -> Result<Vec<(String, i64)>, StoreError> {
+        self.collection(ns)?.map_or(Ok(Vec::new()), |collection| self.sizes(collection))
     }
 
     fn backup(&self, path: &Path) -> Result<(), StoreError> {

@@ -17,6 +17,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("an_unconfirmed_write_is_done_and_not_counted", unconfirmed),
     ("what_a_command_says_beside_its_query_is_checked", checked),
     ("old_drivers_begin_and_tools_read_the_status", old),
+    ("tools_read_whether_a_collection_is_sound_and_the_sizes_of_its_indexes", sound),
 ];
 
 /// How many messages are damaged.
@@ -88,6 +89,42 @@ fn old() -> Result<(), Failed> {
     assert!(matches!(status.get("uptime"), Some(Bson::Int64(_))), "{status}");
     let parameter = wire.run(&doc! { "getParameter": 1, "authSchemaVersion": 1, "$db": "admin" })?;
     assert_eq!(parameter.get_i32("authSchemaVersion")?, 5);
+    Ok(())
+}
+
+fn sound() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let documents: Vec<Document> = (0..100).map(|id| doc! { "_id": id, "name": ["a", "b"] }).collect();
+    wire.run(&doc! { "insert": "c", "documents": documents, "$db": "a" })?;
+    let indexes = vec![doc! { "key": { "name": 1 }, "name": "name_1" }];
+    wire.run(&doc! { "createIndexes": "c", "indexes": indexes, "$db": "a" })?;
+    let validated = wire.run(&doc! { "validate": "c", "full": true, "$db": "a" })?;
+    assert_eq!((validated.get_bool("valid")?, validated.get_i32("nrecords")?), (true, 100), "{validated}");
+    assert_eq!(validated.get_document("keysPerIndex")?, &doc! { "_id_": 100, "name_1": 200 });
+    let none = wire.run(&doc! { "validate": "none", "$db": "a" })?;
+    assert_eq!(none.get_i32("code")?, 26);
+    let statistics = wire.run(&doc! { "collStats": "c", "$db": "a" })?;
+    let sizes = statistics.get_document("indexSizes")?;
+    let (id, name) = (sizes.get_i32("_id_")?, sizes.get_i32("name_1")?);
+    assert!(id > 100 && name > id, "{sizes}");
+    assert_eq!(statistics.get_i32("totalIndexSize")?, id + name);
+    let whole = wire.run(&doc! { "dbStats": 1, "$db": "a" })?;
+    assert_eq!(whole.get_f64("indexSize")?, f64::from(id + name));
+    for (command, code) in [
+        (doc! { "profile": -1 }, None),
+        (doc! { "profile": 0 }, None),
+        (doc! { "profile": 1 }, Some(115)),
+        (doc! { "profile": "x" }, Some(14)),
+        (doc! { "setParameter": 1, "logLevel": 1 }, Some(72)),
+        (doc! { "setParameter": 1 }, Some(72)),
+    ] {
+        let database = if command.contains_key("profile") { "a" } else { "admin" };
+        let answer = wire.run(&command.into_iter().chain([("$db".to_owned(), database.into())]).collect())?;
+        assert_eq!(answer.get_i32("code").ok(), code, "{answer}");
+        assert_eq!(answer.get_i32("was").ok(), Some(0).filter(|_| code.is_none()));
+    }
     Ok(())
 }
 

@@ -8,6 +8,7 @@ mod front;
 mod kills;
 mod login;
 mod messages;
+mod operations;
 mod process;
 mod retries;
 mod snapshots;
@@ -43,7 +44,8 @@ pub(crate) const BESIDE: [&[(&str, Beside)]; 2] = [failures::BESIDE, retries::BE
 pub(crate) fn trials() -> Vec<Trial> {
     let cases =
         [clients::CASES, failures::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
-    let cases = cases.into_iter().chain([retries::CASES, snapshots::CASES, transactions::CASES]).flatten();
+    let cases =
+        cases.into_iter().chain([operations::CASES, retries::CASES, snapshots::CASES, transactions::CASES]).flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());
     trials

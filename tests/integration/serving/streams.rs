@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Document, doc};
+use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 use mongodb::change_stream::event::{ChangeStreamEvent, OperationType};
 use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
 use mongodb::sync::ChangeStream;
 
+use super::wire::Wire;
 use super::{Case, Served, TIMEOUT, code};
 
 pub(super) const CASES: &[(&str, Case)] = &[
@@ -18,6 +19,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
     ("a_change_by_another_process_is_reported", received),
     ("a_stream_from_a_time_misses_nothing_or_says_so", since),
+    ("a_stream_from_the_time_of_a_write_begins_with_it", inclusive),
+    ("the_events_of_a_transaction_have_one_time_and_name_it", joined),
     ("an_event_that_is_too_large_is_refused", large),
     ("computed_documents_and_metadata_are_no_changes", hidden),
 ];
@@ -96,6 +99,90 @@ fn since() -> Result<(), Failed> {
     let token = next(&mut stream)?.id;
     let mut stream = cups.watch().resume_after(token).run()?;
     assert_eq!(next(&mut stream)?.document_key, Some(doc! { "_id": 2 }));
+    Ok(())
+}
+
+/// The `_id`s in the events of a new stream of the collection `c`, with their times.
+fn events(wire: &mut Wire, start: Document) -> Result<Vec<(i32, bson::Timestamp)>, Failed> {
+    let stream = doc! { "aggregate": "c", "pipeline": [{ "$changeStream": start }], "cursor": {}, "$db": "a" };
+    let answer = wire.run(&stream)?;
+    let cursor = answer.get_document("cursor").map_err(|_| answer.to_string())?;
+    let event = |event: &Bson| -> Result<_, Failed> {
+        let event = event.as_document().ok_or("no event")?;
+        Ok((event.get_document("documentKey")?.get_i32("_id")?, event.get_timestamp("clusterTime")?))
+    };
+    cursor.get_array("firstBatch")?.iter().map(event).collect()
+}
+
+fn inclusive() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let insert = |id: i32| doc! { "insert": "c", "documents": [{ "_id": id }], "$db": "a" };
+    // Of what was written before anything was kept, a stream cannot begin with the last, either.
+    let unkept = wire.run(&insert(-1))?.get_timestamp("operationTime")?;
+    let start = doc! { "$changeStream": { "startAtOperationTime": unkept } };
+    let refused = wire.run(&doc! { "aggregate": "c", "pipeline": [start], "cursor": {}, "$db": "a" })?;
+    assert_eq!(refused.get_i32("code")?, 286, "{refused}");
+    events(&mut wire, doc! {})?;
+    let mut times = Vec::new();
+    for id in 0..20 {
+        times.push(wire.run(&insert(id))?.get_timestamp("operationTime")?);
+    }
+    let all = events(&mut wire, doc! { "startAtOperationTime": times[0] })?;
+    assert_eq!(all, (0..20).zip(times.clone()).collect::<Vec<_>>());
+    for (id, time) in (0..).zip(times) {
+        let from = |time: bson::Timestamp| doc! { "startAtOperationTime": time };
+        let ids = |found: Vec<(i32, bson::Timestamp)>| found.into_iter().map(|(id, _)| id).collect::<Vec<_>>();
+        assert_eq!(ids(events(&mut wire, from(time))?), (id..20).collect::<Vec<_>>());
+        let behind = bson::Timestamp { increment: time.increment + 1, ..time };
+        assert_eq!(ids(events(&mut wire, from(behind))?), (id + 1..20).collect::<Vec<_>>());
+    }
+    Ok(())
+}
+
+fn joined() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let client = served.client()?;
+    let [things, others] = ["c", "d"].map(|name| client.database("a").collection::<Document>(name));
+    let mut stream = client.database("a").watch().run()?;
+    things.insert_one(doc! { "_id": 1 }).run()?;
+    let mut session = client.start_session().run()?;
+    let id = session.id().get("id").cloned();
+    for number in 1..=2 {
+        session.start_transaction().run()?;
+        things.insert_one(doc! { "_id": 10 * number }).session(&mut session).run()?;
+        others.insert_one(doc! { "_id": 10 * number }).session(&mut session).run()?;
+        // The times of the changes would differ.
+        std::thread::sleep(Duration::from_millis(20));
+        things.update_one(doc! { "_id": 1 }, doc! { "$inc": { "n": 1 } }).session(&mut session).run()?;
+        session.commit_transaction().run()?;
+    }
+    things.delete_one(doc! { "_id": 1 }).run()?;
+    let alone = next(&mut stream)?;
+    assert!(alone.lsid.is_none() && alone.txn_number.is_none());
+    let mut before = alone.cluster_time;
+    for number in 1..=2 {
+        let own = [next(&mut stream)?, next(&mut stream)?, next(&mut stream)?];
+        for event in &own {
+            assert_eq!(
+                (event.txn_number, event.cluster_time, event.wall_time),
+                (Some(number), own[0].cluster_time, own[0].wall_time)
+            );
+            let lsid = event.lsid.as_ref().ok_or("no session")?;
+            assert_eq!(lsid.get("id"), id.as_ref());
+            assert_eq!(lsid.get_binary_generic("uid")?.len(), 32);
+        }
+        assert!(own[0].cluster_time > before);
+        before = own[0].cluster_time;
+        // A stream from that time begins with the first of them.
+        let time = before.ok_or("no time")?;
+        let mut again = things.watch().start_at_operation_time(time).run()?;
+        assert_eq!(next(&mut again)?.document_key, own[0].document_key);
+    }
+    let last = next(&mut stream)?;
+    assert!(last.txn_number.is_none() && last.cluster_time > before);
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use bson::RawDocument;
 
 use super::found::PAGE_DOCUMENTS;
-use super::limit::check_deadline;
+use super::limit::check_ending;
 use super::sharing::Sharing;
 use super::{Found, More, Rest, Scan};
 use crate::store::StoreError;
@@ -112,9 +112,9 @@ impl Iterator for Scan<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Err(error) = check_deadline() {
+            if let Err(error) = check_ending() {
                 (self.rest, self.page) = (Rest::Nothing, VecDeque::new());
-                return Some(Err(error));
+                return Some(Err(error.into()));
             }
             if let Some(found) = self.page.pop_front() {
                 return Some(Ok(found));

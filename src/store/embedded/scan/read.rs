@@ -7,6 +7,7 @@ use rusqlite::params;
 use rusqlite::types::ValueRef;
 
 use super::examined::Examined;
+use super::limit::check_ending_at;
 use super::sharing::LONG;
 use super::{More, Rest, Scan};
 use crate::store::embedded::access::Listing;
@@ -47,6 +48,7 @@ impl Scan<'_> {
                     return Ok(Rest::Nothing);
                 }
             }
+            check_ending_at(nth)?;
             let body = body::of_column(row.get_ref(0)?)?;
             let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);
@@ -95,7 +97,8 @@ impl Scan<'_> {
         let _snapshot = (positions.len() > 1).then(|| Snapshot::begin(&store.connection)).transpose()?;
         let sql = format!("SELECT body FROM {} WHERE position = ?", self.collection.table());
         let mut statement = store.connection.prepare_cached(&sql)?;
-        for _ in 0..PAGE_ROWS {
+        for nth in 1..=PAGE_ROWS {
+            check_ending_at(nth)?;
             let Some(position) = positions.pop_front() else { return Ok(Rest::Nothing) };
             let mut rows = statement.query([position])?;
             let Some(row) = rows.next()? else {
@@ -147,11 +150,13 @@ impl Scan<'_> {
         let _snapshot = Snapshot::begin(&store.connection)?;
         let sql = listing.documents_sql(&self.collection.table());
         let mut statement = store.connection.prepare_cached(&sql)?;
-        let mut taken = 0;
+        let (mut taken, mut nth) = (0, 0);
         while let Some(range) = listing.ranges.front() {
             let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
             let mut rows = statement.query(params![from, i64::MIN, to])?;
             while let Some(row) = rows.next()? {
+                nth += 1;
+                check_ending_at(nth)?;
                 Examined::add(&self.examined.keys, 1);
                 Examined::add(&self.examined.documents, 1);
                 let position = row.get(1)?;
