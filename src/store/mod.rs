@@ -15,6 +15,7 @@ mod error;
 mod file_identity;
 pub mod history;
 pub mod index;
+mod key_options;
 pub mod metadata;
 mod modifiers;
 pub mod namespace;
@@ -34,6 +35,7 @@ pub use error::StoreError;
 pub(crate) use file_identity::FileIdentity;
 pub use history::{Entry, History, HistoryRule};
 pub use index::Index;
+pub use key_options::KeyOptions;
 pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
