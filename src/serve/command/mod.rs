@@ -18,6 +18,7 @@ mod login;
 mod map_reduce;
 mod modify;
 mod operation;
+mod options;
 mod server;
 mod session;
 mod statistics;

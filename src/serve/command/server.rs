@@ -5,10 +5,11 @@ use std::sync::atomic::Ordering;
 use bson::{Bson, DateTime, Document, doc};
 
 use super::definition::{Command, raw};
+use super::options::{self, Options, Type};
 use crate::saturate::to_i64;
 use crate::serve::client::Client;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::{is_generic, number};
+use crate::serve::fields::{Fields, is_generic, number};
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::TRANSACTION_LIMIT;
@@ -55,7 +56,8 @@ fn status(_: &mut Client, server: &Server, _: &Request) -> Answer {
     })
 }
 
-fn host_info(_: &mut Client, _: &Server, _: &Request) -> Answer {
+fn host_info(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.fields().known(&[])?;
     let cores = std::thread::available_parallelism().map_or(1, |count| i32::try_from(count.get()).unwrap_or(i32::MAX));
     raw(&doc! {
         "system": {
@@ -76,6 +78,11 @@ pub(super) fn host_name() -> String {
 }
 
 fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.check_admin()?;
+    if let Some(Bson::Document(asked)) = request.target() {
+        const DETAILS: Options = &[("showDetails", Type::Flag), ("allParameters", Type::Flag)];
+        options::check_inside("getParameter", asked, DETAILS)?;
+    }
     let known = doc! {
         "featureCompatibilityVersion": { "version": "6.0" },
         "transactionLifetimeLimitSeconds": i64::try_from(TRANSACTION_LIMIT.as_secs()).unwrap_or(60),
@@ -85,7 +92,7 @@ fn parameter(_: &mut Client, _: &Server, request: &Request) -> Answer {
     };
     let asks_all = match request.target() {
         Some(Bson::String(all)) => all == "*",
-        Some(Bson::Document(options)) => options.get_bool("allParameters").unwrap_or(false),
+        Some(Bson::Document(asked)) => Fields::new("getParameter", asked).flag("allParameters")?,
         _ => false,
     };
     let asked: Document = known.into_iter().filter(|(name, _)| asks_all || request.body.contains_key(name)).collect();
@@ -124,8 +131,9 @@ fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
             raw(&doc! { "totalLinesWritten": 0, "log": Bson::Array(Vec::new()) })
         }
         Some(Bson::String(_)) => {
-            Err(Failure::new(codes::ILLEGAL, "no log of that name; there are global and startupWarnings"))
+            Err(Failure::new(codes::FAILED, "no log of that name; there are global and startupWarnings"))
         }
+        None | Some(Bson::Null | Bson::Undefined) => Err(request.fields().missing("getLog")),
         _ => Err(Failure::new(codes::TYPE_MISMATCH, "getLog needs the name of a log")),
     }
 }

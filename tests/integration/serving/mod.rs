@@ -1,5 +1,6 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
+mod arguments;
 mod clients;
 mod elections;
 pub(crate) mod executive;
@@ -39,7 +40,7 @@ type Case = fn() -> Result<(), Failed>;
 type Beside = fn(&str) -> Result<(), Failed>;
 
 /// All of that.
-pub(crate) const BESIDE: [&[(&str, Beside)]; 3] = [failures::BESIDE, keys::BESIDE, retries::BESIDE];
+pub(crate) const BESIDE: [&[(&str, Beside)]; 4] = [arguments::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE];
 
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
