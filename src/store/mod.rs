@@ -211,7 +211,13 @@ pub trait Store: Send {
         Ok(None)
     }
 
-    /// The same, and gives all of them the time that it is now.
+    /// The kept changes of the last write transaction of this store that made some and is committed, where they are still
+    /// kept.
+    fn committed_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
+    }
+
+    /// The changes that the write transaction has made so far, all of which get the time that it is now.
     fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
         Ok(None)
     }
