@@ -117,9 +117,36 @@ fn commands() -> Vec<Document> {
         doc! { "getParameter": 1, "logLevel": 1 },
         doc! { "getParameter": { "allParameters": "x" }, "$db": "admin" },
         doc! { "hostInfo": 1, "bogus": 1, "$db": "admin" },
+        doc! { "killAllSessions": [], "bogus": 1 },
         doc! { "aggregate": "c", "pipeline": [{ "$collStats": 1 }], "cursor": {} },
         doc! { "aggregate": "c", "pipeline": [{ "$collStats": { "latencyStats": { "histograms": 1 } } }], "cursor": {} },
     ]);
+    let project =
+        |expression: Bson| doc! { "aggregate": "c", "pipeline": [{ "$project": { "r": expression } }], "cursor": {} };
+    for path in ["$", "$$", "$.", "$a.", "$a..b", "$.a", "$$.a", "$$1", "$$nothing", "$$ROOT.", "$$ROOT..a", "$a.$b"] {
+        all.push(project(doc! { "$toString": path }.into()));
+    }
+    for number in [f64::INFINITY, f64::NAN, -1.5, -1.0, 0.0, 2.0, 101.0, 1e12] {
+        let of = |expression: Document| project(expression.into());
+        all.push(of(doc! { "$round": [1.5, number] }));
+        all.push(of(doc! { "$trunc": [1.5, number] }));
+        all.push(of(doc! { "$filter": { "input": [1], "cond": true, "limit": number } }));
+        all.push(of(doc! { "$substrCP": ["abc", number, 1] }));
+        all.push(of(doc! { "$substrCP": ["abc", 0, number] }));
+    }
+    for value in values().into_iter().chain([(-1).into()]) {
+        for name in ["$maxDistance", "$minDistance"] {
+            let filter = doc! { "loc": { "$near": [0, 0], name: value.clone() } };
+            all.push(doc! { "find": "c", "filter": filter });
+            let point = doc! { "type": "Point", "coordinates": [0, 0] };
+            let filter = doc! { "loc": { "$near": { "$geometry": point, name: value.clone() } } };
+            all.push(doc! { "find": "c", "filter": filter });
+        }
+        let near = doc! { "near": [0, 0], "distanceField": "d", "key": "loc", "maxDistance": value.clone() };
+        all.push(doc! { "aggregate": "c", "pipeline": [{ "$geoNear": near }], "cursor": {} });
+        let index = doc! { "key": { "q": 1 }, "name": "q", "expireAfterSeconds": value };
+        all.push(doc! { "createIndexes": "c", "indexes": [index] });
+    }
     all
 }
 
