@@ -62,7 +62,7 @@ fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     if call.request.name == "killAllSessions" {
         const OF_USER: Options = &[("user", Type::Text), ("db", Type::Text)];
-        for user in fields.documents("killAllSessions")?.unwrap_or_default() {
+        if let Some(user) = fields.documents("killAllSessions")?.unwrap_or_default().first() {
             options::check_inside("killAllSessions.killAllSessions", user, OF_USER)?;
             let user = Fields::new("killAllSessions.killAllSessions", user);
             let name = user.text("user")?.ok_or_else(|| user.missing("user"))?;
