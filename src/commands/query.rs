@@ -77,7 +77,7 @@ pub(super) fn run(args: &QueryArgs, context: &mut Context<'_>) -> Result<Exit> {
         skip: args.skip,
         limit: args.limit,
         modifiers: args.modifiers.read()?,
-        current: false,
+        ..Find::default()
     };
     let texts = [
         ("<query>", args.query.as_str()),

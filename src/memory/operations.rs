@@ -150,6 +150,7 @@ impl Memory {
         if let Some(found) = self.find_stored(ns, find)? {
             return Ok(found);
         }
+        self.check_keys(ns, find)?;
         self.answer(&[(ns, &find.filter)], Answering::Reading, |view| {
             if let Some(extended) = self.extended(&[(ns, &find.filter)], &find.modifiers, view)? {
                 let find = find.with_filter(hidden_metadata::in_filter(&find.filter));
@@ -180,6 +181,15 @@ impl Memory {
         settled(&view, self.journal.watch("find", ns, start, found)).map(Some)
     }
 
+    /// Refuses to ask an index for its keys, or documents for their places, where some of the documents are computed: those
+    /// may be in no index.
+    fn check_keys(&self, ns: &Namespace, find: &Find) -> Result<(), StoreError> {
+        if find.keys.is_empty() || self.needed(ns, &find.filter)?.is_empty() && !self.has_once() {
+            return Ok(());
+        }
+        Err(QueryError::unsupported("min, max, returnKey or showRecordId, where documents are computed,").into())
+    }
+
     /// Documents as they are stored, with their metadata: nothing is computed, and what was
     /// computed is left out.
     pub fn stored(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
@@ -205,6 +215,7 @@ impl Memory {
     /// Says how a query is answered; see [`Store::explain`]. Where there are computables, those
     /// that the query needs run, and `computables` says what they did.
     pub fn explain(&self, ns: &Namespace, find: &Find) -> Result<Document, StoreError> {
+        self.check_keys(ns, find)?;
         let mut explanation = self.answer(&[(ns, &find.filter)], Answering::Asking, |view| {
             let chosen = self.choosing(ns, &find.filter, view)?;
             if let (Some(extended), Some(chosen)) =

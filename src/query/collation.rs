@@ -184,7 +184,9 @@ mod tests {
             (doc! { "locale": 1 }, 14),
             (doc! { "locale": "" }, 2),
             (doc! { "locale": "nowhere" }, 2),
-            (doc! { "locale": "en", "strength": 6 }, 2),
+            (doc! { "locale": "en", "strength": 6 }, 51_024),
+            (doc! { "locale": "en", "strength": 0.5 }, 2),
+            (doc! { "locale": "en", "numericOrdering": 1 }, 14),
             (doc! { "locale": "en", "strength": "2" }, 14),
             (doc! { "locale": "en", "weight": 2 }, 40_415),
         ] {

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use bson::Bson;
 
-use super::decimal::Decimal;
+use super::decimal::{Decimal, Rounding};
 
 /// A number of any BSON type.
 #[derive(Debug, Clone, Copy)]
@@ -107,6 +107,14 @@ impl Number {
             Self::Double(value) => value.is_finite(),
             Self::Decimal(value) => !value.is_nan() && !value.is_infinite(),
             _ => true,
+        }
+    }
+
+    /// Returns an integer, as MongoDB takes one of options: the fraction of a double is cut off, a decimal is rounded.
+    pub(super) fn coerced(self) -> i64 {
+        match self {
+            Self::Decimal(value) => Self::Decimal(value.round_to(0, Rounding::HalfEven)).to_long(),
+            other => other.to_long(),
         }
     }
 

@@ -4,7 +4,6 @@ use std::collections::BinaryHeap;
 
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
-use super::decimal::Rounding;
 use super::error::{QueryError, Result};
 use super::keys::Keys;
 use super::limit::ALLOCATION;
@@ -61,7 +60,7 @@ impl Sort {
                 sort.keys.push(Path::parse(text::SCORE)?, true);
                 continue;
             }
-            let descending = match Number::of(direction).map(coerced) {
+            let descending = match Number::of(direction).map(Number::coerced) {
                 Some(1) => false,
                 Some(-1) => true,
                 Some(_) => return Err(QueryError::invalid(15_975, "a sort direction must be 1 or -1").about(name)),
@@ -211,14 +210,6 @@ impl Iterator for Sorted {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.0.next()
-    }
-}
-
-/// Returns a direction as an integer: doubles are cut, decimals rounded.
-fn coerced(direction: Number) -> i64 {
-    match direction {
-        Number::Decimal(direction) => Number::Decimal(direction.round_to(0, Rounding::HalfEven)).to_long(),
-        other => other.to_long(),
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_SUCH_KEY: i32 = 4;
     pub(in crate::serve) const UNREACHABLE: i32 = 6;
     pub(in crate::serve) const FAILED_TO_PARSE: i32 = 9;
+    pub(in crate::serve) const NO_USER: i32 = 11;
     pub(in crate::serve) const UNAUTHORIZED: i32 = 13;
     pub(in crate::serve) const TYPE_MISMATCH: i32 = 14;
     pub(in crate::serve) const INVALID_LENGTH: i32 = 16;

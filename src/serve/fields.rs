@@ -119,7 +119,7 @@ impl<'a> Fields<'a> {
         self.document.get(name).filter(|value| !matches!(value, Bson::Null | Bson::Undefined))
     }
 
-    fn wrong(self, name: &str, value: &Bson, expected: &str) -> Failure {
+    pub(super) fn wrong(self, name: &str, value: &Bson, expected: &str) -> Failure {
         let found = type_name(value);
         let message =
             format!("BSON field '{}.{name}' is the wrong type '{found}', expected type '{expected}'", self.of);

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use bson::RawDocumentBuf;
 
+use super::clock;
 use super::cursor::{self, Open, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
 use super::job::{Claim, Job, Work};
@@ -15,7 +16,7 @@ use super::origin::Origin;
 use super::request::interrupted;
 use super::server::Server;
 use super::statements::Repeatable;
-use super::write;
+use super::write::{self, at};
 use crate::deadline::{self, Deadline, Limits};
 use crate::memory::Memory;
 use crate::store::{Documents, Namespace};
@@ -152,11 +153,15 @@ impl<'m> Host<'m> {
         // A snapshot that a cursor reads cannot be written to.
         let other = Lazy::of_connection(&self.server);
         let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
+        let before = memory.bare(ns)?.committed_changes()?;
         let answer = work(memory);
-        self.server.clock.wrote(None);
+        // A change stream from the time of the answer begins with the last of its changes.
+        let last =
+            memory.bare(ns)?.committed_changes()?.filter(|last| before.is_none_or(|before| before.last < last.last));
+        let time = self.server.clock.wrote(last.map(|last| clock::of(last.time, last.last)));
         self.server.check_files()?;
         self.server.hub.call();
-        answer
+        answer.map(|reply| at(reply, time))
     }
 
     /// Gives the writer something to do and waits for its answer.

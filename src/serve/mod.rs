@@ -52,6 +52,7 @@ pub mod systemd;
 mod tls;
 mod transaction;
 mod turns;
+mod usage;
 mod wire;
 mod write;
 mod writer;

@@ -24,6 +24,7 @@ use super::session::Sessions;
 use super::snapshot::Readings;
 use super::stream::Handle;
 use super::turns::Turns;
+use super::usage::Usage;
 use crate::memory::Memory;
 use crate::store::StoreError;
 use crate::store::embedded::Notifier;
@@ -68,6 +69,7 @@ pub struct Server {
     pub(super) turns: Turns,
     files: Files,
     pub(super) counters: Counters,
+    pub(super) usage: Usage,
     pub(super) started: DateTime,
     pub(super) since: Instant,
     stopping: AtomicBool,
@@ -111,6 +113,7 @@ impl Server {
             turns: Turns::default(),
             files: Files::default(),
             counters: Counters::default(),
+            usage: Usage::default(),
             started: DateTime::now(),
             since: Instant::now(),
             stopping: AtomicBool::new(false),

@@ -232,7 +232,7 @@ fn seconds(value: &Bson) -> Result<i64, QueryError> {
         Bson::Double(value) => *value as i64,
         #[expect(clippy::cast_possible_truncation, reason = "MongoDB rounds too")]
         Bson::Decimal128(value) => value.to_string().parse::<f64>().unwrap_or(f64::NAN).round_ties_even() as i64,
-        _ => return Err(QueryError::type_mismatch("expireAfterSeconds is a number of seconds")),
+        _ => return Err(QueryError::invalid(INVALID_OPTIONS, "expireAfterSeconds is a number of seconds")),
     };
     match seconds {
         0..=0x7FFF_FFFF => Ok(seconds),

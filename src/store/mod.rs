@@ -15,6 +15,7 @@ mod error;
 mod file_identity;
 pub mod history;
 pub mod index;
+mod key_options;
 pub mod metadata;
 mod modifiers;
 pub mod namespace;
@@ -34,6 +35,7 @@ pub use error::StoreError;
 pub(crate) use file_identity::FileIdentity;
 pub use history::{Entry, History, HistoryRule};
 pub use index::Index;
+pub use key_options::KeyOptions;
 pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
 pub use mongodb::MongoDb;
@@ -209,7 +211,13 @@ pub trait Store: Send {
         Ok(None)
     }
 
-    /// The same, and gives all of them the time that it is now.
+    /// The kept changes of the last write transaction of this store that made some and is committed, where they are still
+    /// kept.
+    fn committed_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        Ok(None)
+    }
+
+    /// The changes that the write transaction has made so far, all of which get the time that it is now.
     fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
         Ok(None)
     }

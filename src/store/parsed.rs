@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bson::DateTime;
 
+use super::key_options::keep_record_id;
 use super::{Documents, Find, StoreError};
 use crate::query::text::{self, asks_for_score};
 use crate::query::{Filter, Projection, QueryError, Sort, Spill, constants};
@@ -18,6 +19,8 @@ pub(crate) struct Parsed {
     limit: usize,
     /// Whether documents have to carry the score of a search.
     pub(crate) is_scored: bool,
+    /// Whether documents carry their place in the collection, also behind a projection.
+    is_placed: bool,
 }
 
 impl Parsed {
@@ -28,17 +31,21 @@ impl Parsed {
     pub(crate) fn of(find: &Find) -> Result<Self, QueryError> {
         let constants = constants(&find.modifiers.variables)?;
         let filter = Arc::new(Filter::parse_with_constants(&find.filter, &constants)?);
+        find.keys.check()?;
         let sort = Sort::parse(&find.sort)?;
         let projection = match find.projection.is_empty() {
             true => None,
             false => Some(Projection::parse_with(&find.projection, &constants)?),
         };
+        // Keys are returned as they are.
+        let projection = projection.filter(|_| !find.keys.return_key);
         let is_scored = asks_for_score(&find.projection) || asks_for_score(&find.sort);
         if is_scored && filter.search().is_none() {
             return Err(text::no_score());
         }
         let limit = if find.limit == 0 { usize::MAX } else { count(find.limit) };
-        Ok(Self { filter, sort, projection, skip: count(find.skip), limit, is_scored })
+        let is_placed = find.keys.show_record_id;
+        Ok(Self { filter, sort, projection, skip: count(find.skip), limit, is_scored, is_placed })
     }
 
     /// How many documents are looked at, where they come in the order of the sort.
@@ -66,7 +73,14 @@ impl Parsed {
         let (now, filter) = (DateTime::now(), self.filter);
         Ok(match self.projection {
             None => chosen,
-            Some(projection) => Box::new(chosen.map(move |document| Ok(projection.apply(&document?, &filter, now)?))),
+            Some(projection) => Box::new(chosen.map(move |document| {
+                let document = document?;
+                let mut projected = projection.apply(&document, &filter, now)?;
+                if self.is_placed {
+                    keep_record_id(&document, &mut projected);
+                }
+                Ok(projected)
+            })),
         })
     }
 }

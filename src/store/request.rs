@@ -2,6 +2,7 @@
 
 use bson::{Bson, Document};
 
+use super::key_options::KeyOptions;
 use super::modifiers::Modifiers;
 
 /// Which documents are meant. A filter alone is a query without modifiers.
@@ -74,6 +75,8 @@ pub struct Find {
     /// Whether the primary of a replica set is read, whatever the URI says of reads: for what a write depends on, since other
     /// members may be behind.
     pub current: bool,
+    /// Between which keys of the hinted index, and whether keys or places are returned.
+    pub keys: KeyOptions,
 }
 
 impl Find {
@@ -81,7 +84,8 @@ impl Find {
     #[must_use]
     pub fn with_filter(&self, filter: Document) -> Self {
         let (sort, projection, modifiers) = (self.sort.clone(), self.projection.clone(), self.modifiers.clone());
-        Self { filter, sort, skip: self.skip, limit: self.limit, projection, modifiers, current: self.current }
+        let (skip, limit, current, keys) = (self.skip, self.limit, self.current, self.keys.clone());
+        Self { filter, sort, skip, limit, projection, modifiers, current, keys }
     }
 }
 

@@ -129,7 +129,7 @@ impl Server {
             limit: whole(command, "limit")?.unwrap_or(0).unsigned_abs(),
             projection: document(command, "projection")?.cloned().unwrap_or_default(),
             modifiers: modifiers(command, &["collation", "let", "hint"])?,
-            current: false,
+            ..Find::default()
         };
         let found = self.found(ns, &find)?;
         self.answer(found, command, recorded)

@@ -101,7 +101,7 @@ mod tests {
                             skip,
                             limit,
                             modifiers,
-                            current: false,
+                            ..Find::default()
                         };
                         let wanted: Vec<_> = all.find(&ns, &find).unwrap().map(Result::unwrap).collect();
                         let found = super::find(&stored, &ns, &find, others.clone()).unwrap().unwrap();

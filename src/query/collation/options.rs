@@ -9,6 +9,7 @@ use crate::query::number::Number;
 /// The error codes of MongoDB for a collation.
 const MISSING: i32 = 40_414;
 const UNKNOWN: i32 = 40_415;
+const TOO_LARGE: i32 = 51_024;
 
 /// The options of a collation, by the values they may have.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,11 +85,9 @@ fn text<'a>(name: &str, value: &'a Bson) -> Result<&'a str> {
 }
 
 fn flag(name: &str, value: &Bson) -> Result<bool> {
-    let wrong = || QueryError::type_mismatch(format!("the `{name}` of a collation must be true or false"));
-    match value {
-        Bson::Boolean(value) => Ok(*value),
-        value => Number::of(value).map(|number| !number.is_zero()).ok_or_else(wrong),
-    }
+    value
+        .as_bool()
+        .ok_or_else(|| QueryError::type_mismatch(format!("the `{name}` of a collation must be true or false")))
 }
 
 fn one_of(name: &str, value: &Bson, values: &[&str]) -> Result<String> {
@@ -105,8 +104,10 @@ fn one_of(name: &str, value: &Bson, values: &[&str]) -> Result<String> {
 fn strength(value: &Bson) -> Result<u8> {
     let number =
         Number::of(value).ok_or_else(|| QueryError::type_mismatch("the `strength` of a collation must be a number"))?;
-    let strength = number.integral().and_then(|number| u8::try_from(number).ok());
-    strength
-        .filter(|strength| (1..=5).contains(strength))
-        .ok_or_else(|| QueryError::bad_value("the `strength` of a collation is a whole number from 1 to 5"))
+    // A fraction is cut off, and that of a decimal is rounded.
+    match number.coerced() {
+        strength @ 1..=5 => Ok(u8::try_from(strength).unwrap_or(3)),
+        6.. => Err(QueryError::invalid(TOO_LARGE, "the `strength` of a collation is at most 5")),
+        _ => Err(QueryError::bad_value("the `strength` of a collation is a whole number from 1 to 5")),
+    }
 }

@@ -259,6 +259,18 @@ fn whole(operator: &str, values: &[Value], double: fn(f64) -> f64, mode: Roundin
     }))
 }
 
+/// The place that a number is rounded to.
+fn precision(operator: &str, value: &Bson) -> Result<i32> {
+    let number = Number::of(value).ok_or_else(|| wrong_type(16_004, operator, "a numeric precision", value))?;
+    let refuse = |code: i32| QueryError::invalid(code, format!("cannot apply {operator} with such a precision"));
+    match number.integral_32() {
+        Some(place) if (-20..=100).contains(&place) => Ok(place),
+        Some(_) => Err(refuse(51_083)),
+        None if matches!(number, Number::Double(value) if !value.is_finite()) => Err(refuse(31_109)),
+        None => Err(refuse(51_082)),
+    }
+}
+
 fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
     let value = at(values, 0);
     if is_null(value) {
@@ -268,12 +280,7 @@ fn to_place(operator: &str, values: &[Value], mode: Rounding) -> Result<Value> {
     let place = match values.get(1) {
         None => 0,
         Some(value) if is_nullish(value) => return Ok(Some(Bson::Null)),
-        Some(_) => Number::of(at(values, 1))
-            .ok_or_else(|| wrong_type(16_004, operator, "a numeric precision", at(values, 1)))?
-            .integral()
-            .and_then(|place| i32::try_from(place).ok())
-            .filter(|place| (-20..=100).contains(place))
-            .ok_or_else(|| QueryError::invalid(51_082, format!("cannot apply {operator} with such a precision")))?,
+        Some(_) => precision(operator, at(values, 1))?,
     };
     Ok(Some(match number {
         Number::Double(value) if place == 0 => {

@@ -292,7 +292,10 @@ fn kept(
         Some(value) if is_nullish(&value) => None,
         Some(value) => match value.as_ref().and_then(Number::of).and_then(Number::integral_32) {
             Some(limit) if limit >= 1 => usize::try_from(limit).ok(),
-            _ => {
+            Some(_) => {
+                return Err(QueryError::invalid(327_392, "$filter: limit must be greater than 0").about("$filter"));
+            }
+            None => {
                 return Err(QueryError::invalid(327_391, "$filter: limit must be a 32-bit integer of at least 1")
                     .about("$filter"));
             }

@@ -283,7 +283,11 @@ impl<'a> Reader<'a> {
             let path = path.map_or(Ok(Vec::new()), parts)?;
             return self.variable(name, path);
         }
-        let path = parts(text.strip_prefix('$').unwrap_or(text))?;
+        let path = text.strip_prefix('$').unwrap_or(text);
+        if path.is_empty() {
+            return Err(QueryError::invalid(16_872, "'$' by itself is not a path").about("$"));
+        }
+        let path = parts(path)?;
         match self.scope.find("CURRENT") {
             Some(slot) => Ok(Expression::Path(Source::Slot(slot), path)),
             None => Ok(Expression::Path(Source::Root, path)),
@@ -302,8 +306,11 @@ impl<'a> Reader<'a> {
             "CLUSTER_TIME" => Ok(Expression::Path(Source::ClusterTime, path)),
             _ => {
                 let starts = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || !c.is_ascii());
-                let message = if starts { "use of undefined variable" } else { "not a valid name of a variable" };
-                Err(QueryError::invalid(17_276, format!("{message}: {name}")).about(&format!("$${name}")))
+                let error = match starts {
+                    true => QueryError::invalid(17_276, format!("use of undefined variable: {name}")),
+                    false => QueryError::failed_to_parse(format!("not a valid name of a variable: {name}")),
+                };
+                Err(error.about(&format!("$${name}")))
             }
         }
     }
@@ -321,6 +328,9 @@ pub(super) fn parts(path: &str) -> Result<Vec<String>> {
         return Err(QueryError::invalid(5_729_101, "a path has more than 200 parts"));
     }
     for part in &parts {
+        if path.is_empty() || path.ends_with('.') {
+            return Err(QueryError::invalid(40_353, format!("the field path '{path}' ends with a dot")));
+        }
         if part.is_empty() {
             return Err(QueryError::invalid(15_998, format!("the field path '{path}' has an empty part")));
         }

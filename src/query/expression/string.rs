@@ -189,16 +189,17 @@ fn bytes_of(operator: &str, values: &[Value]) -> Result<Value> {
 
 fn code_points_of(values: &[Value]) -> Result<Value> {
     let text = coerced("$substrCP", at(values, 0))?;
-    let bound = |index: usize, what: &str| -> Result<usize> {
+    let bound = |index: usize, what: &str, [wrong, fraction, negative]: [i32; 3]| -> Result<usize> {
         let value = at(values, index);
-        let number = Number::of(value).ok_or_else(|| wrong_type(34_450, "$substrCP", "numeric bounds", value))?;
+        let number = Number::of(value).ok_or_else(|| wrong_type(wrong, "$substrCP", "numeric bounds", value))?;
         let number = number.integral_32().ok_or_else(|| {
-            QueryError::invalid(34_451, format!("$substrCP: {what} cannot be represented as a 32-bit integral value"))
+            QueryError::invalid(fraction, format!("$substrCP: {what} cannot be represented as a 32-bit integral value"))
         })?;
         usize::try_from(number)
-            .map_err(|_| QueryError::invalid(34_455, format!("$substrCP: {what} must be a nonnegative integer")))
+            .map_err(|_| QueryError::invalid(negative, format!("$substrCP: {what} must be a nonnegative integer")))
     };
-    let (start, count) = (bound(1, "starting index")?, bound(2, "length")?);
+    let start = bound(1, "starting index", [34_450, 34_451, 34_455])?;
+    let count = bound(2, "length", [34_452, 34_453, 34_454])?;
     Ok(Some(Bson::String(text.chars().skip(start).take(count).collect())))
 }
 

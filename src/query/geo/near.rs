@@ -191,8 +191,8 @@ fn pair_form(operators: &Document) -> Result<Option<Asked>> {
     let (mut centre, mut least, mut most) = (None, 0.0, f64::INFINITY);
     for (name, value) in operators {
         match name.as_str() {
-            "$minDistance" => least = distance_of(name, value)?,
-            "$maxDistance" => most = distance_of(name, value)?,
+            "$minDistance" => least = distance_of(name, value).map_err(|error| beside(error, value, LEAST))?,
+            "$maxDistance" => most = distance_of(name, value).map_err(|error| beside(error, value, MOST))?,
             "$uniqueDocs" => {}
             name if OPERATORS.contains(&name) => {
                 let sphere = name == "$nearSphere";
@@ -256,6 +256,15 @@ fn geojson_form(operators: &Document) -> Result<Asked> {
     }
     let centre = centre.ok_or_else(|| QueryError::bad_value("a geo near query needs a point, or a $geometry"))?;
     Ok(Asked { centre, least, most })
+}
+
+/// MongoDB's codes for distances beside a legacy point that are no numbers; the next one is for negative distances.
+const LEAST: i32 = 16_893;
+const MOST: i32 = 16_895;
+
+/// Returns the error for a distance beside a legacy point, with MongoDB's code.
+fn beside(error: QueryError, value: &Bson, code: i32) -> QueryError {
+    QueryError { code: if Number::of(value).is_some() { code + 1 } else { code }, ..error }
 }
 
 /// Returns a distance, which is not negative.

@@ -8,7 +8,7 @@
 
 use bson::Bson;
 
-use super::pattern::Pattern;
+use super::pattern::{Pattern, may_have_strings};
 use crate::query::compare::canonical_type;
 use crate::query::filter::{Leaf, Node, Order, Set, Test};
 use crate::query::key;
@@ -112,10 +112,9 @@ fn of_leaf<'f>(leaf: &'f Leaf, place: &IndexedPath<'_>) -> Option<Intervals<'f>>
 
 /// Returns whether a test compares strings, or values that may contain some.
 fn has_strings(leaf: &Leaf) -> bool {
-    let may = |value: &Bson| matches!(value, Bson::String(_) | Bson::Symbol(_) | Bson::Document(_) | Bson::Array(_));
     match leaf {
-        Leaf::Equal(value) | Leaf::Order(_, value) => may(value),
-        Leaf::In(set) => set.values.iter().any(may),
+        Leaf::Equal(value) | Leaf::Order(_, value) => may_have_strings(value),
+        Leaf::In(set) => set.values.iter().any(may_have_strings),
         _ => false,
     }
 }

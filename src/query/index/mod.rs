@@ -11,4 +11,4 @@ mod plan;
 mod wildcard;
 
 pub use pattern::{Entries, Pattern};
-pub use plan::{Access, Candidate, Range, alternatives, ways};
+pub use plan::{Access, Candidate, Range, alternatives, order, ways};

@@ -222,6 +222,24 @@ impl Pattern {
         keys.map_err(|unclear| unclear.complaint(parallel))
     }
 
+    /// Returns the key that has these values, one for each path in the order of the pattern; nothing where there are other
+    /// paths, or strings that compare in another way in the operation that runs.
+    #[must_use]
+    pub fn bound(&self, values: &Document) -> Option<Vec<u8>> {
+        if self.fields().len() == 0 || !self.fields().map(|(path, _)| path).eq(values.keys().map(String::as_str)) {
+            return None;
+        }
+        if !self.is_in_effect() && values.values().any(may_have_strings) {
+            return None;
+        }
+        let mut key = Vec::new();
+        for (value, (_, descending)) in values.values().zip(self.fields()) {
+            let bytes = self.encode(value);
+            key.extend(bytes.into_iter().map(|byte| if descending { !byte } else { byte }));
+        }
+        Some(key)
+    }
+
     /// Returns the values behind a key of a document, path by path.
     #[must_use]
     pub fn values(&self, document: &RawDocument, wanted: &[u8]) -> Document {
@@ -236,6 +254,11 @@ impl Pattern {
         });
         found
     }
+}
+
+/// Returns whether a value is, or may contain, a string.
+pub(super) fn may_have_strings(value: &Bson) -> bool {
+    matches!(value, Bson::String(_) | Bson::Symbol(_) | Bson::Document(_) | Bson::Array(_))
 }
 
 /// Whether a key of an index is hashed.

@@ -80,6 +80,13 @@ pub fn alternatives<'f>(filter: &'f Filter, candidates: &[Candidate<'_>]) -> Opt
     branches.iter().map(way).collect()
 }
 
+/// Returns whether an index that is read as a whole, or between two keys, has the order of the sort: forwards (false) or
+/// backwards (true).
+#[must_use]
+pub fn order(sort: &Sort, candidate: Candidate<'_>) -> Option<bool> {
+    in_order(sort, candidate, 0)
+}
+
 fn of_filter<'f>(root: &'f Node, sort: &Sort, candidates: &[Candidate<'_>]) -> Vec<Access<'f>> {
     let mut ways: Vec<_> = candidates
         .iter()

@@ -56,14 +56,20 @@ impl GeoNear {
         };
         let limit = |name: &str, default: f64| match spec.get(name) {
             None => Ok(default),
-            Some(value) => distance_of(name, &constant(name, value, scope)?),
+            Some(value) => {
+                let value = constant(name, value, scope)?;
+                if Number::of(&value).is_none() {
+                    return Err(QueryError::type_mismatch(format!("the '{name}' of $geoNear must be a number")));
+                }
+                distance_of(name, &value)
+            }
         };
         let (least, most) = (limit("minDistance", 0.0)?, limit("maxDistance", f64::INFINITY)?);
         let spherical = spec.get("spherical").is_some_and(is_true);
         let near = constant("near", near, scope)?;
         let centre = match &near {
             Bson::Document(_) | Bson::Array(_) => Centre::parse((&near).into(), spherical)?,
-            _ => return Err(QueryError::invalid(5_860_402, "the 'near' of $geoNear must be a point")),
+            _ => return Err(QueryError::invalid(5_860_401, "the 'near' of $geoNear must be a point")),
         };
         let near = Near::new(&key(&spec)?, centre, least, most)?;
         Ok(Self { near, query, distance, place, multiplier })

@@ -1,13 +1,14 @@
 //! `create`, `drop`, `renameCollection`, `collMod`, `listCollections`
 
-use bson::{Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
+use super::options::{self, Options, Type};
 use crate::memory::{Listed, Memory};
-use crate::query::{Collation, Filter};
+use crate::query::{Collation, Filter, type_name};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::Fields;
+use crate::serve::fields::{Fields, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
 use crate::store::{Index, Namespace, index};
@@ -20,42 +21,131 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("listCollections", list),
 ];
 
-/// The options of `create` that are taken, or make no difference here.
-const TAKEN: [&str; 9] = [
-    "autoIndexId",
-    "changeStreamPreAndPostImages",
-    "collation",
-    "flags",
-    "idIndex",
-    "indexOptionDefaults",
-    "storageEngine",
-    "validationAction",
-    "validationLevel",
+/// The options of `create`.
+const OF_CREATE: Options = &[
+    ("autoIndexId", Type::Flag),
+    ("capped", Type::Flag),
+    ("changeStreamPreAndPostImages", IMAGES),
+    ("clusteredIndex", Type::ObjectOrFlag),
+    ("collation", Type::Object),
+    ("encryptedFields", Type::With("fields")),
+    ("expireAfterSeconds", Type::Number),
+    ("flags", Type::Number),
+    ("idIndex", Type::Object),
+    ("indexOptionDefaults", Type::Of(None, &[("storageEngine", Type::Object)])),
+    ("max", Type::Number),
+    ("pipeline", Type::Array),
+    ("size", Type::Number),
+    ("storageEngine", Type::Object),
+    ("temp", Type::Flag),
+    ("timeseries", Type::With("timeField")),
+    ("validationAction", ACTION),
+    ("validationLevel", LEVEL),
+    ("validator", Type::Object),
+    ("viewOn", Type::Text),
 ];
 
-/// What this rmem has no word for.
-const REFUSED: [&str; 10] = [
-    "capped",
-    "clusteredIndex",
-    "encryptedFields",
-    "expireAfterSeconds",
-    "max",
-    "pipeline",
-    "size",
-    "timeseries",
-    "validator",
-    "viewOn",
+/// The options of `collMod`.
+const OF_MODIFY: Options = &[
+    ("cappedMax", Type::Number),
+    ("cappedSize", Type::Number),
+    ("changeStreamPreAndPostImages", IMAGES),
+    ("dryRun", Type::Flag),
+    ("expireAfterSeconds", Type::TextOrNumber),
+    ("index", Type::Of(None, OF_INDEX)),
+    ("pipeline", Type::Array),
+    ("recordPreImages", Type::Flag),
+    ("timeseries", Type::Object),
+    ("validationAction", ACTION),
+    ("validationLevel", LEVEL),
+    ("validator", Type::Object),
+    ("viewOn", Type::Text),
 ];
+
+/// The options of `renameCollection`.
+const OF_RENAME: Options = &[("to", Type::Text), ("dropTarget", Type::Bool), ("stayTemp", Type::Bool)];
+
+/// What `collMod` may change of an index.
+const OF_INDEX: Options = &[
+    ("expireAfterSeconds", Type::Number),
+    ("hidden", Type::Flag),
+    ("keyPattern", Type::Object),
+    ("name", Type::Text),
+    ("prepareUnique", Type::Flag),
+    ("unique", Type::Flag),
+];
+
+const IMAGES: Type = Type::Of(Some("enabled"), &[("enabled", Type::Bool)]);
+const LEVEL: Type = Type::OneOf(&["off", "strict", "moderate"]);
+const ACTION: Type = Type::OneOf(&["error", "warn"]);
+
+/// Options of `create` that have no meaning without another one.
+const DEPENDENT: [(&str, &[&str]); 4] = [
+    ("size", &["capped"]),
+    ("max", &["capped"]),
+    ("expireAfterSeconds", &["timeseries", "clusteredIndex"]),
+    ("pipeline", &["viewOn"]),
+];
+
+/// Options of `create` that this rmem has no word for.
+const REFUSED: [&str; 6] = ["capped", "clusteredIndex", "encryptedFields", "timeseries", "validator", "viewOn"];
 
 fn create(memory: &Memory, call: &Call) -> Answer {
-    let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&TAKEN, &REFUSED)?;
+    let fields = call.request.fields();
+    if let Some(other) = call.request.target().filter(|name| name.as_str().is_none()) {
+        let message = format!("collection name has invalid type {}", type_name(other));
+        return Err(Failure::new(codes::BAD_VALUE, message));
+    }
+    let ns = call.request.namespace()?;
+    options::check("create", fields.document, OF_CREATE)?;
+    check_dependent(fields)?;
+    let engines =
+        fields.document("indexOptionDefaults")?.and_then(|defaults| defaults.get_document("storageEngine").ok());
+    fields.document("storageEngine")?.into_iter().chain(engines).try_for_each(check_engines)?;
+    fields.refuse(&REFUSED)?;
     let collation = fields.document("collation")?.map(Collation::parse).transpose()?;
+    if let Some(definition) = fields.document("idIndex")? {
+        super::index::check_ids(definition, collation.as_ref())?;
+    }
     if !memory.create_collection(&ns, collation.as_ref())? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
     }
     crate::serve::host::empty()
+}
+
+/// Refuses options that have no meaning without others.
+fn check_dependent(fields: Fields<'_>) -> Result<(), Failure> {
+    let is_said = |name: &str| match fields.document.get(name) {
+        None | Some(Bson::Null | Bson::Undefined | Bson::Boolean(false)) => false,
+        Some(value) => whole(value) != Some(0) || matches!(name, "size" | "max" | "expireAfterSeconds"),
+    };
+    let invalid = |message: String| Err(Failure::new(codes::INVALID_OPTIONS, message));
+    if is_said("capped") && !is_said("size") {
+        return invalid("the 'size' field is required when 'capped' is true".to_owned());
+    }
+    if is_said("temp") {
+        return invalid("the 'temp' field is an invalid option".to_owned());
+    }
+    match DEPENDENT.iter().find(|(name, others)| is_said(name) && !others.iter().any(|other| is_said(other))) {
+        Some((name, others)) => invalid(format!("the '{name}' field needs {}", others.join(" or "))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses options for engines that MongoDB does not have; those of its own make no difference here.
+fn check_engines(engines: &Document) -> Result<(), Failure> {
+    for (name, options) in engines {
+        if !matches!(options, Bson::Document(_)) {
+            let message = format!("'storageEngine.{name}' has to be an embedded document.");
+            return Err(Failure::new(codes::BAD_VALUE, message));
+        }
+        if name != "wiredTiger" {
+            let message = format!("{name} is not a registered storage engine for this server");
+            return Err(Failure::new(codes::INVALID_OPTIONS, message));
+        }
+    }
+    Ok(())
 }
 
 fn drop_collection(memory: &Memory, call: &Call) -> Answer {
@@ -70,7 +160,10 @@ fn drop_collection(memory: &Memory, call: &Call) -> Answer {
 
 fn rename(memory: &Memory, call: &Call) -> Answer {
     let fields = call.request.fields();
-    fields.known(&["to", "dropTarget", "stayTemp"])?;
+    options::check("renameCollection", fields.document, OF_RENAME)?;
+    if let Some(null @ (Bson::Null | Bson::Undefined)) = fields.document.get("dropTarget") {
+        return Err(fields.wrong("dropTarget", null, "bool"));
+    }
     let read = |text: Option<&str>, name: &str| -> Result<Namespace, Failure> {
         let text = text.ok_or_else(|| fields.missing(name))?;
         let (database, collection) = text.split_once('.').unwrap_or((text, ""));
@@ -102,11 +195,22 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
 /// Images of documents before and after changes are always kept; an index can be hidden, and nothing else be modified.
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.check(&["changeStreamPreAndPostImages", "validationLevel", "validationAction", "index"], &["validator"])?;
+    options::check("collMod", fields.document, OF_MODIFY)?;
     if !memory.all_collections()?.contains(&ns) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
     }
-    match fields.document("index")? {
+    let others = ["viewOn", "pipeline", "cappedSize", "cappedMax", "expireAfterSeconds", "timeseries"];
+    if let Some(name) = others.iter().find(|name| !matches!(fields.document.get(**name), None | Some(Bson::Null))) {
+        let message =
+            format!("the option {name} is not for a collection that is no view, not capped and no time series");
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    let change = fields.document("index")?;
+    if change.is_none() && fields.flag("dryRun")? {
+        return Err(Failure::new(codes::INVALID_OPTIONS, "dry run mode requires an valid index modification."));
+    }
+    fields.refuse(&["validator", "dryRun"])?;
+    match change {
         Some(change) => modify_index(memory, &ns, Fields::new("collMod.index", change)),
         None => crate::serve::host::empty(),
     }
@@ -114,7 +218,6 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
 
 /// Hides an index, or gives it back to queries.
 fn modify_index(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Answer {
-    fields.check_inside(&["name", "keyPattern", "hidden"], &["expireAfterSeconds", "unique", "prepareUnique"])?;
     let indexes = memory.indexes(ns)?;
     let found = match (fields.text("name")?, fields.document("keyPattern")?) {
         (Some(name), None) => indexes.iter().find(|index| index.name == name),
@@ -124,6 +227,7 @@ fn modify_index(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Answer {
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
     };
+    fields.refuse(&["expireAfterSeconds", "unique", "prepareUnique"])?;
     let Some(found) = found else {
         return Err(Failure::new(codes::NO_INDEX, format!("cannot find the index in {ns}")));
     };

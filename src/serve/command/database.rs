@@ -11,11 +11,15 @@ use crate::query::Filter;
 use crate::serve::access::RECORDS;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
+use crate::serve::fields::whole;
 use crate::serve::host::{Host, empty};
 use crate::store::Namespace;
 
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("listDatabases", list), Command::write("dropDatabase", drop_database)];
+
+/// MongoDB's code for a `dropDatabase` of anything but 1.
+const NOT_ONE: i32 = 5_255_100;
 
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
@@ -51,7 +55,16 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
 }
 
 fn drop_database(memory: &Memory, call: &Call) -> Answer {
-    call.request.fields().known(&[])?;
+    let fields = call.request.fields();
+    fields.known(&[])?;
+    match call.request.target() {
+        None | Some(Bson::Null | Bson::Undefined) => return Err(fields.missing("dropDatabase")),
+        Some(value) => match whole(value) {
+            Some(1) => {}
+            Some(_) => return Err(Failure::new(NOT_ONE, "Have to pass 1 as 'drop' parameter")),
+            None => return Err(fields.wrong("dropDatabase", value, "[long, int, decimal, double]")),
+        },
+    }
     if call.request.database == "admin" {
         return Err(Failure::new(codes::ILLEGAL, "Dropping the 'admin' database is prohibited."));
     }

@@ -19,7 +19,11 @@ pub(super) const COMMANDS: &[Command] = &[Command::read("explain", explain)];
 fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["verbosity"])?;
-    let Some(Bson::Document(inner)) = call.request.target() else { return Err(fields.missing("explain")) };
+    let inner = match call.request.target() {
+        Some(Bson::Document(inner)) => inner,
+        None | Some(Bson::Null | Bson::Undefined) => return Err(fields.missing("explain")),
+        Some(other) => return Err(fields.wrong("explain", other, "object")),
+    };
     let mut inner = inner.clone();
     inner.insert("$db", &call.request.database);
     let is_run = match fields.text("verbosity")?.unwrap_or("allPlansExecution") {

@@ -77,9 +77,13 @@ fn plan(explained: &Document, find: &Find) -> Document {
         Ok("memory") => doc! { "stage": "SORT", "sortPattern": find.sort.clone(), "inputStage": source },
         _ => source,
     };
+    let returned = match find.keys.return_key {
+        true => doc! { "stage": "RETURN_KEY", "inputStage": sorted },
+        false => sorted,
+    };
     match find.limit {
-        0 => sorted,
-        limit => doc! { "stage": "LIMIT", "limitAmount": limit.cast_signed(), "inputStage": sorted },
+        0 => returned,
+        limit => doc! { "stage": "LIMIT", "limitAmount": limit.cast_signed(), "inputStage": returned },
     }
 }
 

@@ -7,7 +7,7 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{FirstBatch, Host};
-use crate::store::{Find, Query};
+use crate::store::{Find, KeyOptions, Query};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::read("find", find).transactional(),
@@ -16,7 +16,7 @@ pub(super) const COMMANDS: &[Command] = &[
 ];
 
 /// What is taken, or makes no difference here.
-const TAKEN: [&str; 15] = [
+const TAKEN: [&str; 19] = [
     "collation",
     "let",
     "filter",
@@ -32,11 +32,14 @@ const TAKEN: [&str; 15] = [
     "allowPartialResults",
     "oplogReplay",
     "runtimeConstants",
+    "max",
+    "min",
+    "returnKey",
+    "showRecordId",
 ];
 
 /// What this rmem has no word for.
-const REFUSED: [&str; 8] =
-    ["max", "min", "returnKey", "showRecordId", "tailable", "awaitData", "ntoreturn", "encryptionInformation"];
+const REFUSED: [&str; 4] = ["tailable", "awaitData", "ntoreturn", "encryptionInformation"];
 
 fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
@@ -60,7 +63,7 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
     fields.check(&TAKEN, &REFUSED)?;
     fields.strict_flag("allowDiskUse")?;
     fields.strict_flag("allowPartialResults")?;
-    for name in ["filter", "sort", "projection"] {
+    for name in ["filter", "sort", "projection", "min", "max"] {
         fields.refuse_null(name)?;
     }
     Ok(Find {
@@ -71,6 +74,12 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
         projection: fields.document_or_empty("projection")?,
         modifiers: fields.modifiers()?,
         current: false,
+        keys: KeyOptions {
+            min: fields.document_or_empty("min")?,
+            max: fields.document_or_empty("max")?,
+            return_key: fields.strict_flag("returnKey")?,
+            show_record_id: fields.strict_flag("showRecordId")?,
+        },
     })
 }
 

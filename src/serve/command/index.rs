@@ -4,6 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
 use crate::memory::Memory;
+use crate::query::Collation;
 use crate::serve::access::Metadata;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
@@ -145,6 +146,35 @@ fn check(definition: &Document) -> Result<(), Failure> {
     }
 }
 
+/// Refuses a definition of the index on `_id` that MongoDB refuses for a collection with this collation.
+pub(super) fn check_ids(definition: &Document, collation: Option<&Collation>) -> Result<(), Failure> {
+    let fields = Fields::new("create.idIndex", definition);
+    if let Some(unknown) = definition.keys().find(|name| !OPTIONS.contains(&name.as_str())) {
+        return Err(not_valid(unknown, "an index"));
+    }
+    if let Some(name) = ["key", "name"].into_iter().find(|name| !definition.contains_key(name)) {
+        let message = format!("The '{name}' field is a required property of an index specification");
+        return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+    }
+    let keys = fields.document_or_empty("key")?;
+    if keys.is_empty() || fields.text("name")?.is_none_or(str::is_empty) {
+        let message = "an index needs keys, and a name that is not empty";
+        return Err(Failure::new(codes::CANNOT_CREATE_INDEX, message));
+    }
+    check(definition)?;
+    if !Index::of_ids().has_keys(&keys) {
+        let message = format!("The field 'key' for an _id index must be {{_id: 1}}, but got {keys}");
+        return Err(Failure::new(codes::BAD_VALUE, message));
+    }
+    match fields.document("collation")?.map(Collation::parse).transpose()? {
+        Some(own) if Some(&own).filter(|own| !own.is_simple()) != collation.filter(|own| !own.is_simple()) => {
+            let message = "'idIndex' must have the same collation as the collection.";
+            Err(Failure::new(codes::BAD_VALUE, message))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn not_valid(option: &str, what: &str) -> Failure {
     let message = format!("The field '{option}' is not valid for {what} specification.");
     Failure::new(codes::INVALID_INDEX_OPTION, message)
@@ -182,6 +212,8 @@ fn shown(memory: &Memory, call: &Call, ns: &Namespace) -> Result<Vec<Index>, Fai
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let (ns, fields) = (call.request.readable()?, call.request.fields());
     fields.known(&["cursor", "includeBuildUUIDs", "includeIndexBuildInfo"])?;
+    fields.flag("includeBuildUUIDs")?;
+    fields.flag("includeIndexBuildInfo")?;
     let indexes = shown(host.memory()?, call, &ns)?;
     if indexes.is_empty() {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
@@ -243,6 +275,7 @@ fn named(fields: Fields<'_>, present: &[Index]) -> Result<Vec<String>, Failure> 
             let names: Option<Vec<String>> = names.iter().map(text).collect();
             names.ok_or_else(|| Failure::new(codes::TYPE_MISMATCH, "the names of indexes are strings"))
         }
-        _ => Err(fields.missing("index")),
+        Some(other) => Err(fields.wrong("index", other, "string")),
+        None => Err(fields.missing("index")),
     }
 }

@@ -18,6 +18,7 @@ mod login;
 mod map_reduce;
 mod modify;
 mod operation;
+mod options;
 mod server;
 mod session;
 mod statistics;
@@ -96,7 +97,7 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
         _ => None,
     };
-    let mut reply = dispatch(host, client, request, form)?;
+    let mut reply = noted(host, client, request, form)?;
     if let Some(unacknowledged) = unacknowledged.filter(|_| is_unacknowledged) {
         return Ok(unacknowledged);
     }
@@ -107,6 +108,16 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
         reply.append(cstr!("writeConcernError"), failure.concern_error());
     }
     Ok(reply)
+}
+
+/// Dispatches a command, and notes how long it took.
+fn noted(host: &mut Host<'_>, client: &mut Client, request: Arc<Request>, form: Form) -> Answer {
+    let known = Arc::clone(&request);
+    let answer = dispatch(host, client, request, form);
+    if let (Some(command), Ok(_)) = (find(&known.name), &answer) {
+        host.server.usage.note(&known, command.is_writing(&known), known.since.elapsed());
+    }
+    answer
 }
 
 fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Arc<Request>, form: Form) -> Answer {

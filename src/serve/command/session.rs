@@ -3,10 +3,11 @@
 use bson::{Bson, doc};
 
 use super::definition::{Command, raw};
+use super::options::{self, Options, Type};
 use crate::query::QueryError;
 use crate::serve::call::Call;
 use crate::serve::client::Client;
-use crate::serve::failure::{Answer, Failure};
+use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::host::{self, Host};
 use crate::serve::job::{Abandoned, Job};
@@ -58,7 +59,20 @@ fn stop(host: &Host<'_>, call: &Call, is_meant: impl Fn(&SessionId) -> bool) {
 
 /// Ends the cursors of all sessions; whose transactions they are is not known here.
 fn kill_all(host: &mut Host<'_>, call: &Call) -> Answer {
-    call.request.fields().documents(&call.request.name)?;
+    let fields = call.request.fields();
+    if call.request.name == "killAllSessions" {
+        const OF_USER: Options = &[("user", Type::Text), ("db", Type::Text)];
+        if let Some(user) = fields.documents("killAllSessions")?.unwrap_or_default().first() {
+            options::check_inside("killAllSessions.killAllSessions", user, OF_USER)?;
+            let user = Fields::new("killAllSessions.killAllSessions", user);
+            let name = user.text("user")?.ok_or_else(|| user.missing("user"))?;
+            let database = user.text("db")?.ok_or_else(|| user.missing("db"))?;
+            // Users are no documents here, and sessions not theirs.
+            let message = format!("Could not find user \"{name}\" for db \"{database}\"");
+            return Err(Failure::new(codes::NO_USER, message));
+        }
+    }
+    fields.documents(&call.request.name)?;
     stop(host, call, |_| true);
     host.server.cursors.kill_all(|origin| origin.session.is_some());
     host.server.readings.end_all(|_| true);
@@ -70,7 +84,8 @@ fn sessions(request: &Request) -> Result<Vec<SessionId>, Failure> {
     let fields = Fields::new(&request.name, &request.body);
     let array = match request.target() {
         Some(Bson::Array(_)) => fields.documents(&request.name)?.unwrap_or_default(),
-        _ => return Err(fields.missing(&request.name)),
+        None | Some(Bson::Null | Bson::Undefined) => return Err(fields.missing(&request.name)),
+        Some(other) => return Err(fields.wrong(&request.name, other, "array")),
     };
     array.into_iter().map(SessionId::read).collect()
 }

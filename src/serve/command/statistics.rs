@@ -15,6 +15,9 @@ use crate::store::{Namespace, Store, Validated};
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("collStats", collection), Command::read("dbStats", database), Command::read("validate", validate)];
 
+/// MongoDB's code for a `$collStats` that is no document.
+const NO_OBJECT: i32 = 5_447_000;
+
 /// Documents and their bytes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Size {
@@ -155,7 +158,7 @@ fn validate(host: &mut Host<'_>, call: &Call) -> Answer {
 /// The document of `$collStats`.
 pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bson) -> Result<Document, Failure> {
     let Bson::Document(asked) = argument else {
-        return Err(Failure::new(40_166, "the specification of $collStats must be an object"));
+        return Err(Failure::new(NO_OBJECT, "$collStats must take a nested object"));
     };
     let fields = Fields::new("$collStats", asked);
     fields.known_inside(&["latencyStats", "storageStats", "count", "queryExecStats"])?;
@@ -171,7 +174,9 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
         document.insert("count", number(count.cast_signed()));
     }
     if let Some(latency) = fields.document("latencyStats")? {
-        Fields::new("$collStats.latencyStats", latency).known_inside(&["histograms"])?;
+        let latency = Fields::new("$collStats.latencyStats", latency);
+        latency.known_inside(&["histograms"])?;
+        latency.strict_flag("histograms")?;
         let none = doc! { "latency": 0_i64, "ops": 0_i64 };
         document.insert(
             "latencyStats",

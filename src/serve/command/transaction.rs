@@ -12,6 +12,7 @@ pub(super) const COMMANDS: &[Command] = &[
 
 /// Where there is no transaction, there is no end of one.
 fn outside(_: &mut Host<'_>, call: &Call) -> Answer {
+    call.request.fields().known(&["recoveryToken"])?;
     let message = format!("{} must be run within a transaction", call.request.name);
     Err(Failure::new(codes::COMMAND_FAILED, message))
 }

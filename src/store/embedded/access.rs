@@ -16,17 +16,23 @@ use super::Embedded;
 use super::catalog::Collection;
 use super::failure;
 use super::indexed::{Indexed, Indexes};
-use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, ways};
+use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, order, ways};
 use crate::query::{Filter, QueryError, QueryMistake, Sort};
-use crate::store::{Hint, Index, StoreError};
+use crate::store::{Hint, Index, KeyOptions, StoreError};
 
 /// MongoDB's code for a query that the hinted index cannot answer.
 const NO_PLAN: i32 = 291;
+/// MongoDB's code for bounds of keys without a hint.
+const NO_HINT: i32 = 51_173;
+/// MongoDB's code for bounds that are no keys of the hinted index.
+const OTHER_KEYS: i32 = 51_174;
+/// MongoDB's code for bounds between which there can be no key.
+const TURNED: i32 = 51_175;
 /// How many keys are counted to choose between indexes.
 const PROBE: i64 = 1_000;
 
 /// The pattern of the index on `_id`, which is part of the documents' table.
-static IDS: LazyLock<Pattern> =
+pub(super) static IDS: LazyLock<Pattern> =
     LazyLock::new(|| Pattern::parse(&doc! { "_id": 1 }).expect("a pattern that is written here"));
 
 /// The index on `_id` as one that may be used.
@@ -143,24 +149,17 @@ impl Embedded {
             explanation: doc! { "index": Bson::Null },
             keys: 0,
         };
-        let is_meant = |index: &Index| match hint {
-            Hint::Name(name) => index.name == *name,
-            Hint::Keys(keys) => index.has_keys(keys),
-            Hint::Natural { .. } => false,
-        };
-        let (index, candidate, table) = match indexes.iter().find(|index| is_meant(&index.definition)) {
-            _ if matches!(hint, Hint::Natural { backwards: false }) => return Ok(walk(None)),
-            _ if matches!(hint, Hint::Natural { .. }) => return Ok(walk(Some(self.backwards(collection)?))),
-            None if is_meant(&Index::of_ids()) => (Index::of_ids(), of_ids(), collection.table()),
-            Some(index) if index.is_hidden() => return Err(no_hinted()),
+        let (index, candidate, table) = match named(indexes, hint)? {
+            Named::None { backwards: false } => return Ok(walk(None)),
+            Named::None { backwards: true } => return Ok(walk(Some(self.backwards(collection)?))),
+            Named::Ids => (Index::of_ids(), of_ids(), collection.table()),
             // What has no keys is answered by all documents.
-            Some(index) if !index.pattern.serves(filter) => {
+            Named::Index(index) if !index.pattern.serves(filter) => {
                 let message = "the hint names a wildcard index, and the query asks for none of its paths";
                 return Err(QueryError::invalid(NO_PLAN, message).of_kind(QueryMistake::Hint).into());
             }
-            Some(index) if !index.is_kept() => return Ok(walk(None)),
-            Some(index) => (index.definition.clone(), candidate(index), index.table()),
-            None => return Err(no_hinted()),
+            Named::Index(index) if !index.is_kept() => return Ok(walk(None)),
+            Named::Index(index) => (index.definition.clone(), candidate(index), index.table()),
         };
         let access = ways(filter, sort, &[candidate]).pop();
         let bounds = access.as_ref().map(|access| access.bounds(candidate.pattern)).unwrap_or_default();
@@ -170,11 +169,56 @@ impl Embedded {
             None => (sort.is_empty(), false, all()),
         };
         let listing = Listing { table, ranges: in_turn(ranges, backwards), backwards };
-        let positions = self.listed(&listing).map_err(|e| self.explain(&e))?;
         let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": bounds };
+        self.along_index(listing, is_sorted || sort.is_empty(), explanation)
+    }
+
+    /// The way through the index that a hint names, from one key up to another.
+    ///
+    /// # Errors
+    /// Where there is no such index, or it has no such keys.
+    pub(super) fn between(
+        &self,
+        collection: Collection,
+        indexes: &Indexes,
+        sort: &Sort,
+        hint: Option<&Hint>,
+        keys: &KeyOptions,
+    ) -> Result<Chosen, StoreError> {
+        let refuse = |code, message: &str| QueryError::invalid(code, message).of_kind(QueryMistake::Hint);
+        let hint = hint.ok_or_else(|| refuse(NO_HINT, "min and max need a hint: which index they are keys of"))?;
+        let (index, candidate, table) = match named(indexes, hint)? {
+            Named::None { .. } => return Err(refuse(NO_PLAN, "min and max are incompatible with $natural").into()),
+            Named::Ids => (Index::of_ids(), of_ids(), collection.table()),
+            Named::Index(index) if !index.is_kept() && !index.pattern.is_wildcard() || index.pattern.is_hashed() => {
+                return Err(QueryError::unsupported("min and max of a hashed, geospatial or text index").into());
+            }
+            Named::Index(index) => (index.definition.clone(), candidate(index), index.table()),
+        };
+        let key = |values: &Document, open: Vec<u8>| match values.is_empty() {
+            true => Ok(open),
+            false => candidate.pattern.bound(values).ok_or_else(|| {
+                refuse(
+                    OTHER_KEYS,
+                    "min and max need a value for each key of the hinted index, in its order and collation",
+                )
+            }),
+        };
+        let range = Range { low: key(&keys.min, Vec::new())?, high: key(&keys.max, vec![0xff; 2])? };
+        if range.low >= range.high {
+            return Err(refuse(TURNED, "min has to be before max in the hinted index").into());
+        }
+        let backwards = order(sort, candidate);
+        let listing = Listing { table, ranges: [range].into(), backwards: backwards.unwrap_or(false) };
+        let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": {} };
+        self.along_index(listing, backwards.is_some(), explanation)
+    }
+
+    /// The way to what ranges of an index list, in its order.
+    fn along_index(&self, listing: Listing, is_sorted: bool, explanation: Document) -> Result<Chosen, StoreError> {
+        let positions = self.listed(&listing).map_err(|e| self.explain(&e))?;
         let keys = positions.len() as u64;
-        let way = Way::Positions(positions, vec![listing]);
-        Ok(Chosen { way, is_sorted: is_sorted || sort.is_empty(), explanation, keys })
+        Ok(Chosen { way: Way::Positions(positions, vec![listing]), is_sorted, explanation, keys })
     }
 
     /// The positions of all documents, the last one first.
@@ -290,6 +334,34 @@ impl Embedded {
         positions.sort_unstable();
         positions.dedup();
         Ok(positions.len() as u64)
+    }
+}
+
+/// What a hint names.
+enum Named<'i> {
+    /// No index: all documents, forwards or backwards.
+    None { backwards: bool },
+    /// The index on `_id` that is part of the documents' table.
+    Ids,
+    /// Another index.
+    Index(&'i Indexed),
+}
+
+/// The index that a hint names.
+///
+/// # Errors
+/// Where there is none that queries use.
+fn named<'i>(indexes: &'i Indexes, hint: &Hint) -> Result<Named<'i>, StoreError> {
+    let is_meant = |index: &Index| match hint {
+        Hint::Name(name) => index.name == *name,
+        Hint::Keys(keys) => index.has_keys(keys),
+        Hint::Natural { .. } => false,
+    };
+    match (hint, indexes.iter().find(|index| is_meant(&index.definition))) {
+        (Hint::Natural { backwards }, _) => Ok(Named::None { backwards: *backwards }),
+        (_, Some(index)) if !index.is_hidden() => Ok(Named::Index(index)),
+        (_, None) if is_meant(&Index::of_ids()) => Ok(Named::Ids),
+        _ => Err(no_hinted()),
     }
 }
 

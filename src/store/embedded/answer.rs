@@ -7,7 +7,7 @@ use bson::{Bson, Document, doc};
 use super::Embedded;
 use super::catalog::Collection;
 use super::indexed::decay;
-use super::scan::{Scan, sharpen};
+use super::scan::{Found, Scan, sharpen};
 use super::search::{scored, unscored};
 use super::snapshot::Snapshot;
 use super::verbs::collated;
@@ -37,16 +37,24 @@ impl Embedded {
     ) -> Result<Documents<'_>, StoreError> {
         let mut parsed = Parsed::of(find)?;
         let Some(collection) = collection else { return Ok(Box::new(std::iter::empty())) };
-        let scan = Scan::sorted(self, collection, &mut parsed.filter, &parsed.sort, find.modifiers.hint.as_ref())?;
+        let scan = Scan::sorted(self, collection, &mut parsed.filter, &parsed.sort, find.into())?;
+        let keys = find.keys.return_key.then(|| self.keys_read(collection, &scan)).transpose()?;
         let is_sorted = scan.in_order();
         let scan = if is_sorted { scan.at_most(parsed.most()) } else { scan };
         let scan = scan.shared().begun()?;
         drop(snapshot);
         let (is_scored, filter) = (parsed.is_scored, Arc::clone(&parsed.filter));
-        let matches: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
+        let matches: Documents<'_> = match find.keys.show_record_id && keys.is_none() {
+            false => Box::new(scan.map(|found| found.map(|found| found.body))),
+            true => Box::new(scan.map(|found| found.map(Found::with_position))),
+        };
         let matches = if is_scored { scored(matches, filter) } else { matches };
         let answer = parsed.answer(matches, is_sorted)?;
-        Ok(if is_scored { unscored(answer) } else { answer })
+        let answer = if is_scored { unscored(answer) } else { answer };
+        Ok(match keys {
+            Some(keys) => Box::new(answer.map(move |document| keys.of(&document?))),
+            None => answer,
+        })
     }
 
     /// Answers a query to explain how it is answered.
@@ -56,14 +64,11 @@ impl Embedded {
     }
 
     fn explained_in(&self, collection: Option<Collection>, find: &Find) -> Result<Document, StoreError> {
-        let constants = query::constants(&find.modifiers.variables)?;
-        let mut filter = Arc::new(Filter::parse_with_constants(&find.filter, &constants)?);
-        let sort = Sort::parse(&find.sort)?;
+        let Parsed { mut filter, sort, .. } = Parsed::of(find)?;
         let Some(collection) = collection else {
             return Ok(doc! { "index": Bson::Null, "keys_examined": 0, "documents_examined": 0, "returned": 0 });
         };
-        let (scan, mut explanation) =
-            Scan::explained(self, collection, &mut filter, &sort, find.modifiers.hint.as_ref())?;
+        let (scan, mut explanation) = Scan::explained(self, collection, &mut filter, &sort, find.into())?;
         let (examined, is_sorted) = (scan.examined(), scan.in_order());
         let (skip, limit) = (count(find.skip), if find.limit == 0 { usize::MAX } else { count(find.limit) });
         let most = if is_sorted { skip.saturating_add(limit) } else { usize::MAX };
@@ -94,7 +99,7 @@ impl Embedded {
         let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let Some(collection) = collection else { return Ok(0) };
         if let hint @ Some(_) = query.modifiers.hint.as_ref() {
-            return Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.count();
+            return Scan::sorted(self, collection, &mut filter, &Sort::none(), hint.into())?.count();
         }
         let indexes = self.indexes_of(collection)?;
         sharpen(&indexes, &mut filter);
@@ -117,7 +122,7 @@ impl Embedded {
         let mut filter = Arc::new(with_variables(query.filter, query.modifiers)?);
         let values = Distinct::new(field, &Spill::default())?;
         let Some(collection) = collection else { return Ok(Box::new(std::iter::empty())) };
-        let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref())?;
+        let found = Scan::sorted(self, collection, &mut filter, &Sort::none(), query.modifiers.hint.as_ref().into())?;
         let values = values.of(found.shared().map(|found| found.map(|found| found.body)))?;
         Ok(Box::new(values.map(|value| Ok(value?))))
     }

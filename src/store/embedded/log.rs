@@ -45,10 +45,22 @@ impl Embedded {
 
     fn append(&self, ns: &Namespace, noted: Noted<'_>) -> rusqlite::Result<()> {
         change_log::append(&self.connection, ns, noted)?;
+        self.log.last.set(self.connection.last_insert_rowid());
         if !self.log.noted.replace(true) {
-            self.log.first.set(self.connection.last_insert_rowid());
+            self.log.first.set(self.log.last.get());
         }
         Ok(())
+    }
+
+    /// The changes of the last write transaction that made some and was committed, where the last of them is still kept.
+    pub(super) fn committed(&self) -> Result<Option<NotedChanges>, StoreError> {
+        let Some((first, last)) = self.log.committed.get() else { return Ok(None) };
+        let time = self
+            .connection
+            .prepare_cached("SELECT time FROM changes WHERE sequence = ?")
+            .and_then(|mut statement| statement.query_row([last], |row| row.get(0)).optional());
+        let time = time.map_err(|e| self.explain(&e))?;
+        Ok(time.map(|time| NotedChanges { first, last, time: DateTime::from_millis(time) }))
     }
 
     /// The changes of the write transaction.
@@ -168,7 +180,11 @@ impl Embedded {
 
     /// Notifies watchers. Called after a write transaction was committed.
     pub(super) fn publish_log(&self) {
-        if let (true, Place::File(path)) = (self.log.noted.replace(false), &self.place) {
+        if !self.log.noted.replace(false) {
+            return;
+        }
+        self.log.committed.set(Some((self.log.first.get(), self.log.last.get())));
+        if let Place::File(path) = &self.place {
             notifier::notify(path);
         }
     }

@@ -26,6 +26,7 @@ mod file;
 mod history;
 mod index;
 mod indexed;
+mod keys_read;
 mod log;
 mod log_size;
 mod near;

@@ -123,7 +123,7 @@ impl Embedded {
     ) -> Result<Documents<'_>, StoreError> {
         let mut filter = Arc::new(Filter::parse_with_constants(filter, constants)?);
         let Some(collection) = self.collection(ns)? else { return Ok(Box::new(std::iter::empty())) };
-        let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint)?.shared();
+        let scan = Scan::sorted(self, collection, &mut filter, &Sort::none(), hint.into())?.shared();
         let documents: Documents<'_> = Box::new(scan.map(|found| found.map(|found| found.body)));
         Ok(if is_scored { scored(documents, filter) } else { documents })
     }

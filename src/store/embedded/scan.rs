@@ -90,6 +90,12 @@ impl Scan<'_> {
         Self { most, page_documents, ..self }
     }
 
+    /// The parts of indexes that list them, before anything is read.
+    pub(super) fn listings(&self) -> impl Iterator<Item = &Listing> {
+        let listed = if let Rest::Listed(listing) = &self.rest { Some(listing) } else { None };
+        listed.into_iter().chain(&self.listings)
+    }
+
     /// Whether the matches come in the order of the sort.
     pub(super) fn in_order(&self) -> bool {
         self.is_sorted

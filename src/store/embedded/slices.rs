@@ -99,7 +99,7 @@ impl Embedded {
                 }
                 None => {
                     let most = usize::try_from(most).unwrap_or(usize::MAX);
-                    let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint)?;
+                    let scan = Scan::sorted(self, collection, filter, &Sort::none(), hint.into())?;
                     let (id, scan) = open.insert((collection.id, scan.at_most(most).up_to_failure()));
                     (*id, scan)
                 }

@@ -21,6 +21,10 @@ pub(super) struct Log {
     pub(super) noted: Cell<bool>,
     /// The position of the first of them.
     pub(super) first: Cell<i64>,
+    /// The position of the last of them.
+    pub(super) last: Cell<i64>,
+    /// The positions of the first and the last of those that were committed last.
+    pub(super) committed: Cell<Option<(i64, i64)>>,
     /// The histories that this process keeps.
     pub(super) keeping: Keeping,
 }

@@ -158,6 +158,10 @@ impl Store for Embedded {
         self.noted()
     }
 
+    fn committed_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
+        self.committed()
+    }
+
     fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
         self.joined(DateTime::now())
     }

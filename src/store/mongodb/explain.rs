@@ -21,6 +21,10 @@ impl MongoDb {
                 query.insert(key, to_i64(number));
             }
         }
+        query.extend(find.keys.to_document());
+        if let (true, Some(hint)) = (find.keys.is_bounded(), &find.modifiers.hint) {
+            query.insert("hint", hint.to_bson());
+        }
         let command = doc! { "explain": query, "verbosity": "executionStats" };
         let answer = self.client().database(&ns.database).run_command(command).run().map_err(|e| self.explain(&e))?;
         Ok(condensed(&answer, !find.sort.is_empty()))

@@ -89,6 +89,18 @@ impl Store for MongoDb {
             action = action.skip(find.skip);
         }
         action = modified!(action, &find.modifiers, collation variables hint time);
+        if !find.keys.min.is_empty() {
+            action = action.min(find.keys.min.clone());
+        }
+        if !find.keys.max.is_empty() {
+            action = action.max(find.keys.max.clone());
+        }
+        if find.keys.return_key {
+            action = action.return_key(true);
+        }
+        if find.keys.show_record_id {
+            action = action.show_record_id(true);
+        }
         if find.limit > 0 {
             action = action.limit(to_i64(find.limit));
         }

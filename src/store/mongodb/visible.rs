@@ -54,9 +54,12 @@ pub(super) fn for_server(find: &Find) -> Result<(Cow<'_, Document>, Option<Filte
 }
 
 /// What is asked for, and the condition by which documents are seen; nothing where the server has to evaluate both, since
-/// it counts documents or returns parts of them.
+/// it counts documents or returns parts of them, or their keys.
 fn apart(find: &Find) -> Result<Option<(&Document, Filter)>, StoreError> {
     let Some((asked, at)) = asked(&find.filter) else { return Ok(None) };
+    if find.keys.return_key {
+        return Ok(None);
+    }
     let counts = find.skip > 0 || find.limit > 0 && !is_one(asked);
     if counts || !find.projection.is_empty() || !asked.iter().all(|(name, value)| never_fails(name, value)) {
         return Ok(None);

@@ -24,6 +24,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("nothing_is_changed_where_the_memory_is_served_read_only", read_only),
     ("a_command_ends_within_its_time_also_in_the_midst_of_its_work", timed),
     ("two_hundred_connections_write_at_once", crowd),
+    ("what_was_done_is_counted_by_kind_and_by_collection", counted),
 ];
 
 fn metadata() -> Result<(), Failed> {
@@ -509,5 +510,43 @@ fn crowd() -> Result<(), Failed> {
     assert!(failures.is_empty(), "{:?}", failures.first().and_then(Failed::message));
     let count = served.client()?.database("a").collection::<Document>("c").count_documents(doc! {}).run()?;
     assert_eq!(count, 1000);
+    Ok(())
+}
+
+fn counted() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let status = |wire: &mut Wire| wire.run(&doc! { "serverStatus": 1, "mem": 0, "$db": "admin" });
+    let before = status(&mut wire)?;
+    for command in [
+        doc! { "insert": "c", "documents": [{ "_id": 1 }, { "_id": 2 }, { "_id": 3 }] },
+        doc! { "insert": "d", "documents": [{ "_id": 1 }] },
+        doc! { "find": "c", "batchSize": 1 },
+        doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": { "$set": { "n": 1 } } }, { "q": {}, "u": { "n": 2 } }] },
+        doc! { "delete": "c", "deletes": [{ "q": { "_id": 3 }, "limit": 1 }] },
+        doc! { "count": "c" },
+    ] {
+        let answer = wire.run(&command.into_iter().chain(doc! { "$db": "a" }).collect())?;
+        assert!(is_fine(&answer), "{answer}");
+    }
+    let after = status(&mut wire)?;
+    let done = |kind: &str| -> Result<i64, Failed> {
+        let count = |status: &Document| status.get_document("opcounters")?.get_i64(kind);
+        Ok(count(&after)? - count(&before)?)
+    };
+    let kinds = ["insert", "query", "update", "delete", "getmore", "command"].map(done);
+    // The first status is noted when it is answered.
+    assert_eq!(kinds.into_iter().collect::<Result<Vec<_>, _>>()?, [4, 1, 2, 1, 0, 2]);
+    assert_eq!(after.get_document("catalogStats")?.get_i32("collections")?, 2);
+    assert!(!after.contains_key("mem") && wire.run(&doc! { "serverStatus": 1, "$db": "admin" })?.contains_key("mem"));
+    let top = wire.run(&doc! { "top": 1, "$db": "admin" })?;
+    let totals = top.get_document("totals")?;
+    assert_eq!(totals.keys().collect::<Vec<_>>(), ["note", "a.c", "a.d"]);
+    let of = |kind: &str| totals.get_document("a.c")?.get_document(kind)?.get_i64("count");
+    let counts = ["total", "readLock", "writeLock", "insert", "queries", "update", "remove", "commands"].map(of);
+    assert_eq!(counts.into_iter().collect::<Result<Vec<_>, _>>()?, [5, 2, 3, 1, 1, 1, 1, 1]);
+    assert!(totals.get_document("a.c")?.get_document("total")?.get_i64("time")? > 0);
+    assert_eq!(wire.run(&doc! { "top": 1, "$db": "a" })?.get_i32("code")?, 13);
     Ok(())
 }

@@ -1,10 +1,12 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
+mod arguments;
 mod clients;
 mod elections;
 pub(crate) mod executive;
 mod failures;
 mod front;
+mod keys;
 mod kills;
 mod login;
 mod messages;
@@ -38,14 +40,16 @@ type Case = fn() -> Result<(), Failed>;
 type Beside = fn(&str) -> Result<(), Failed>;
 
 /// All of that.
-pub(crate) const BESIDE: [&[(&str, Beside)]; 2] = [failures::BESIDE, retries::BESIDE];
+pub(crate) const BESIDE: [&[(&str, Beside)]; 4] = [arguments::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE];
 
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
     let cases =
         [clients::CASES, failures::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
-    let cases =
-        cases.into_iter().chain([operations::CASES, retries::CASES, snapshots::CASES, transactions::CASES]).flatten();
+    let cases = cases
+        .into_iter()
+        .chain([keys::CASES, operations::CASES, retries::CASES, snapshots::CASES, transactions::CASES])
+        .flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());
     trials

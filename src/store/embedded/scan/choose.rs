@@ -10,12 +10,31 @@ use bson::Document;
 use super::found::PAGE_DOCUMENTS;
 use super::sharing::Sharing;
 use super::{Examined, Rest, Scan};
-use crate::query::{Filter, Sort};
+use crate::query::{Filter, QueryError, Sort};
 use crate::store::embedded::Embedded;
 use crate::store::embedded::access::{Chosen, Way};
 use crate::store::embedded::catalog::Collection;
 use crate::store::embedded::indexed::{Indexes, decay};
-use crate::store::{Hint, StoreError, metadata};
+use crate::store::{Find, Hint, KeyOptions, StoreError, metadata};
+
+/// Which index is to be read, and between which keys.
+#[derive(Clone, Copy)]
+pub(in crate::store::embedded) struct Hinted<'q> {
+    hint: Option<&'q Hint>,
+    keys: Option<&'q KeyOptions>,
+}
+
+impl<'q> From<&'q Find> for Hinted<'q> {
+    fn from(find: &'q Find) -> Self {
+        Self { hint: find.modifiers.hint.as_ref(), keys: Some(&find.keys).filter(|keys| keys.is_bounded()) }
+    }
+}
+
+impl<'q> From<Option<&'q Hint>> for Hinted<'q> {
+    fn from(hint: Option<&'q Hint>) -> Self {
+        Self { hint, keys: None }
+    }
+}
 
 impl<'a> Scan<'a> {
     /// The matches in order of insertion.
@@ -24,7 +43,7 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Arc<Filter>,
     ) -> Result<Self, StoreError> {
-        Ok(Self::choose(store, collection, filter, &Sort::none(), None, false)?.0)
+        Ok(Self::choose(store, collection, filter, &Sort::none(), None.into(), false)?.0)
     }
 
     /// The matches by the index that is to be read, or in the order of the sort, where an index has it, else in
@@ -34,9 +53,9 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Arc<Filter>,
         sort: &Sort,
-        hint: Option<&Hint>,
+        hinted: Hinted<'_>,
     ) -> Result<Self, StoreError> {
-        Ok(Self::choose(store, collection, filter, sort, hint, false)?.0)
+        Ok(Self::choose(store, collection, filter, sort, hinted, false)?.0)
     }
 
     /// The same, with an explanation of the access path.
@@ -45,9 +64,9 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Arc<Filter>,
         sort: &Sort,
-        hint: Option<&Hint>,
+        hinted: Hinted<'_>,
     ) -> Result<(Self, Document), StoreError> {
-        Self::choose(store, collection, filter, sort, hint, true)
+        Self::choose(store, collection, filter, sort, hinted, true)
     }
 
     fn choose(
@@ -55,16 +74,20 @@ impl<'a> Scan<'a> {
         collection: Collection,
         filter: &mut Arc<Filter>,
         sort: &Sort,
-        hint: Option<&Hint>,
+        Hinted { hint, keys }: Hinted<'_>,
         is_explained: bool,
     ) -> Result<(Self, Document), StoreError> {
         let indexes = store.indexes_of(collection)?;
         sharpen(&indexes, filter);
-        let mut chosen = match (filter.near(), hint) {
-            _ if filter.search().is_some() => store.by_words(collection, &indexes, filter, (sort, hint))?,
-            (None, Some(hint)) => store.hinted(collection, &indexes, filter, sort, hint)?,
-            (Some(near), _) => store.by_distance(collection, &indexes, filter, near, sort)?,
-            (None, None) => store.choose(collection, &indexes, filter, sort, is_explained)?,
+        let mut chosen = match (filter.near(), hint, keys) {
+            (_, Some(_), _) | (_, _, None) if filter.search().is_some() => {
+                store.by_words(collection, &indexes, filter, (sort, hint))?
+            }
+            (Some(_), _, Some(_)) => return Err(QueryError::unsupported("$near between keys (min, max)").into()),
+            (None, _, Some(keys)) => store.between(collection, &indexes, sort, hint, keys)?,
+            (None, Some(hint), None) => store.hinted(collection, &indexes, filter, sort, hint)?,
+            (Some(near), _, None) => store.by_distance(collection, &indexes, filter, near, sort)?,
+            (None, None, None) => store.choose(collection, &indexes, filter, sort, is_explained)?,
         };
         let explanation = std::mem::take(&mut chosen.explanation);
         Ok((Self::along(store, collection, filter, chosen)?, explanation))

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 
 use bson::RawDocumentBuf;
 
+use crate::store::key_options::RECORD_ID;
+
 /// The most documents in a page.
 pub(super) const PAGE_DOCUMENTS: usize = 512;
 
@@ -11,6 +13,14 @@ pub(super) const PAGE_DOCUMENTS: usize = 512;
 pub(in crate::store::embedded) struct Found {
     pub(in crate::store::embedded) position: i64,
     pub(in crate::store::embedded) body: RawDocumentBuf,
+}
+
+impl Found {
+    /// The document with its place in the collection, where MongoDB shows it.
+    pub(in crate::store::embedded) fn with_position(mut self) -> RawDocumentBuf {
+        self.body.append(RECORD_ID, self.position);
+        self.body
+    }
 }
 
 /// Matches that were read at once.

@@ -1,0 +1,180 @@
+//! The codes of commands whose arguments are wrong.
+
+use bson::{Bson, Document, doc, oid::ObjectId};
+use libtest_mimic::Failed;
+
+use super::wire::Wire;
+use super::{Beside, Served};
+
+/// What is compared with the answers of a mongod.
+pub(super) const BESIDE: &[(&str, Beside)] = &[("serving::arguments::wrong_ones_have_the_codes_of_mongod", beside)];
+
+/// A value of each of some types.
+fn values() -> Vec<Bson> {
+    vec![
+        1.into(),
+        1_i64.into(),
+        1.5.into(),
+        true.into(),
+        "x".into(),
+        Bson::Array(Vec::new()),
+        Document::new().into(),
+        Bson::Null,
+        bson::DateTime::from_millis(0).into(),
+        ObjectId::from_bytes([0; 12]).into(),
+    ]
+}
+
+/// The command with an option of each type.
+fn of_each_type(command: &Document, option: &str) -> Vec<Document> {
+    let with = |value: Bson| command.clone().into_iter().chain([(option.to_owned(), value)]).collect();
+    values().into_iter().map(with).collect()
+}
+
+fn commands() -> Vec<Document> {
+    let (create, modify) = (doc! { "create": "d" }, doc! { "collMod": "c" });
+    let rename = doc! { "renameCollection": "arguments.c", "to": "arguments.d" };
+    let mut all = Vec::new();
+    let common = ["validationLevel", "validationAction", "changeStreamPreAndPostImages", "bogus"];
+    for option in common.iter().chain(&["size", "max", "flags", "autoIndexId", "storageEngine", "indexOptionDefaults"])
+    {
+        all.extend(of_each_type(&create, option));
+    }
+    for option in
+        common.iter().chain(&["viewOn", "cappedSize", "cappedMax", "expireAfterSeconds", "timeseries", "dryRun"])
+    {
+        all.extend(of_each_type(&modify, option));
+    }
+    for option in ["dropTarget", "stayTemp"] {
+        all.extend(of_each_type(&rename, option));
+    }
+    for option in ["includeBuildUUIDs", "includeIndexBuildInfo"] {
+        all.extend(of_each_type(&doc! { "listIndexes": "c" }, option));
+    }
+    all.extend(of_each_type(&doc! { "dropIndexes": "c" }, "index"));
+    for command in ["dropDatabase", "explain", "getLog", "create"] {
+        all.extend(values().into_iter().map(|value| doc! { command: value }));
+    }
+    all.extend([doc! { "dropDatabase": 0 }, doc! { "dropDatabase": 2 }, doc! { "dropDatabase": -1.5 }]);
+    for level in ["off", "moderate", "strict", "OFF", ""] {
+        all.push(doc! { "create": "d", "validationLevel": level });
+        all.push(doc! { "collMod": "c", "validationLevel": level });
+    }
+    for action in ["error", "warn", "Error"] {
+        all.push(doc! { "collMod": "c", "validationAction": action });
+    }
+    for images in [doc! { "enabled": 1 }, doc! { "enabled": true }, doc! { "enabled": true, "x": 1 }, doc! { "x": 1 }] {
+        all.push(doc! { "create": "d", "changeStreamPreAndPostImages": images.clone() });
+        all.push(doc! { "collMod": "c", "changeStreamPreAndPostImages": images });
+    }
+    let key = doc! { "_id": 1 };
+    for ids in [
+        doc! { "key": key.clone(), "name": "_id_" },
+        doc! { "key": key.clone() },
+        doc! { "name": "_id_" },
+        doc! { "key": key.clone(), "name": 1 },
+        doc! { "key": key.clone(), "name": "" },
+        doc! { "key": 1, "name": "_id_" },
+        doc! { "key": {}, "name": "_id_" },
+        doc! { "key": { "x": 1 }, "name": "_id_" },
+        doc! { "key": { "_id": -1 }, "name": "_id_" },
+        doc! { "key": { "_id": "1" }, "name": "_id_" },
+        doc! { "key": key.clone(), "name": "_id_", "v": "x" },
+        doc! { "key": key.clone(), "name": "_id_", "v": 3 },
+        doc! { "key": key.clone(), "name": "_id_", "unique": true },
+        doc! { "key": key.clone(), "name": "_id_", "bogus": 1 },
+        doc! { "key": key, "name": "_id_", "collation": { "locale": "en" } },
+    ] {
+        all.push(doc! { "create": "d", "idIndex": ids });
+    }
+    for engine in [doc! { "wiredTiger": {} }, doc! { "wiredTiger": 1 }, doc! { "other": {} }] {
+        all.push(doc! { "create": "d", "storageEngine": engine.clone() });
+        all.push(doc! { "create": "d", "indexOptionDefaults": { "storageEngine": engine } });
+    }
+    for strength in values().into_iter().chain([0.into(), 5.9.into(), 6.into()]) {
+        all.push(doc! { "find": "c", "collation": { "locale": "en", "strength": strength } });
+    }
+    for flag in values() {
+        all.push(doc! { "find": "c", "collation": { "locale": "en", "numericOrdering": flag } });
+    }
+    all.extend([
+        doc! { "create": "d", "capped": true },
+        doc! { "create": "d", "expireAfterSeconds": 1 },
+        doc! { "create": "d", "pipeline": [] },
+        doc! { "create": "d", "temp": true },
+        doc! { "create": "d", "timeseries": {} },
+        doc! { "collMod": "none", "validationLevel": "x" },
+        doc! { "collMod": "none" },
+        doc! { "collMod": "c", "index": {} },
+        doc! { "collMod": "c", "index": { "name": "_id_", "keyPattern": { "_id": 1 } } },
+        doc! { "collMod": "c", "index": { "name": "none", "hidden": true } },
+        doc! { "collMod": "c", "index": { "name": "_id_", "bogus": true } },
+        doc! { "killSessions": 1 },
+        doc! { "killAllSessions": [{ "user": 1, "db": "x" }] },
+        doc! { "killAllSessions": [{ "user": "x" }] },
+        doc! { "killAllSessions": [{ "user": "x", "db": "y" }] },
+        doc! { "abortTransaction": 1, "query": 1, "$db": "admin" },
+        doc! { "getParameter": 1, "logLevel": 1 },
+        doc! { "getParameter": { "allParameters": "x" }, "$db": "admin" },
+        doc! { "hostInfo": 1, "bogus": 1, "$db": "admin" },
+        doc! { "killAllSessions": [], "bogus": 1 },
+        doc! { "aggregate": "c", "pipeline": [{ "$collStats": 1 }], "cursor": {} },
+        doc! { "aggregate": "c", "pipeline": [{ "$collStats": { "latencyStats": { "histograms": 1 } } }], "cursor": {} },
+    ]);
+    let project =
+        |expression: Bson| doc! { "aggregate": "c", "pipeline": [{ "$project": { "r": expression } }], "cursor": {} };
+    for path in ["$", "$$", "$.", "$a.", "$a..b", "$.a", "$$.a", "$$1", "$$nothing", "$$ROOT.", "$$ROOT..a", "$a.$b"] {
+        all.push(project(doc! { "$toString": path }.into()));
+    }
+    for number in [f64::INFINITY, f64::NAN, -1.5, -1.0, 0.0, 2.0, 101.0, 1e12] {
+        let of = |expression: Document| project(expression.into());
+        all.push(of(doc! { "$round": [1.5, number] }));
+        all.push(of(doc! { "$trunc": [1.5, number] }));
+        all.push(of(doc! { "$filter": { "input": [1], "cond": true, "limit": number } }));
+        all.push(of(doc! { "$substrCP": ["abc", number, 1] }));
+        all.push(of(doc! { "$substrCP": ["abc", 0, number] }));
+    }
+    for value in values().into_iter().chain([(-1).into()]) {
+        for name in ["$maxDistance", "$minDistance"] {
+            let filter = doc! { "loc": { "$near": [0, 0], name: value.clone() } };
+            all.push(doc! { "find": "c", "filter": filter });
+            let point = doc! { "type": "Point", "coordinates": [0, 0] };
+            let filter = doc! { "loc": { "$near": { "$geometry": point, name: value.clone() } } };
+            all.push(doc! { "find": "c", "filter": filter });
+        }
+        let near = doc! { "near": [0, 0], "distanceField": "d", "key": "loc", "maxDistance": value.clone() };
+        all.push(doc! { "aggregate": "c", "pipeline": [{ "$geoNear": near }], "cursor": {} });
+        let index = doc! { "key": { "q": 1 }, "name": "q", "expireAfterSeconds": value };
+        all.push(doc! { "createIndexes": "c", "indexes": [index] });
+    }
+    all
+}
+
+fn code(wire: &mut Wire, command: &Document) -> Result<i32, Failed> {
+    for prepare in [doc! { "drop": "d" }, doc! { "drop": "c" }, doc! { "insert": "c", "documents": [{ "_id": 1 }] }] {
+        wire.run(&prepare.into_iter().chain(doc! { "$db": "arguments" }).collect())?;
+    }
+    let database = match command.keys().next().map(String::as_str) {
+        Some("renameCollection" | "getLog") => "admin",
+        _ => "arguments",
+    };
+    let mut command = command.clone();
+    command.entry("$db".to_owned()).or_insert_with(|| database.into());
+    Ok(wire.run(&command)?.get_i32("code").unwrap_or_default())
+}
+
+fn beside(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
+    let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
+    let mut different = Vec::new();
+    for command in commands() {
+        let (expected, found) = (code(&mut real, &command)?, code(&mut own, &command)?);
+        if expected != found {
+            different.push(format!("{command}: {expected}, not {found}"));
+        }
+    }
+    assert!(different.is_empty(), "{}", different.join("\n"));
+    Ok(())
+}
