@@ -45,16 +45,18 @@ pub(super) struct Aim {
     pub(super) weight: Option<u32>,
     /// Plans must be cheaper than this.
     pub(super) bound: u64,
-    /// Which of the operators that are estimated alike come first.
+    /// Which of equals come first.
     pub(super) ties: Ties,
 }
 
-/// Which of equals come first.
+/// Which of equals come first: operators that are estimated alike, and supporters of a fact that cost the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ties {
     /// Those that the task names first.
     First,
-    /// Those that it names last.
+    /// The operators that it names first; supporters are drawn, anew for each state.
+    Drawn,
+    /// The operators that it names last; supporters are drawn, too.
     Last,
 }
 
@@ -112,7 +114,7 @@ impl<'t> Lazy<'t> {
     ) -> Self {
         let mut lists: [OpenList; 4] = Default::default();
         lists[0].push(0, NO_STATE);
-        if aim.weight.is_none() {
+        if aim.ties != Ties::First {
             relaxed.draw();
         }
         let scratch = Scratch {
@@ -354,6 +356,20 @@ mod tests {
             Lazy::new(&task, &generator, &counter, &[1, 1], Relaxed::new(&task, Costs::Unit), aim).run(1000, 1 << 20)
         };
         assert_eq!(plan(Ties::First), Step::Plan(vec![0, 1]));
+        assert_eq!(plan(Ties::Drawn), Step::Plan(vec![0, 1]));
         assert_eq!(plan(Ties::Last), Step::Plan(vec![1, 0]));
+    }
+
+    #[test]
+    fn equal_supporters_are_drawn_where_that_is_asked_for() {
+        let ways = [("one", &[][..], &[(0, 1)][..]), ("two", &[], &[(0, 1)])];
+        let task = task(&[2], &[0], &[(0, 1)], &ways);
+        let (generator, counter) = (Generator::new(&task), Counter::default());
+        for (ties, count) in [(Ties::First, 1), (Ties::Drawn, 2), (Ties::Last, 2)] {
+            let aim = Aim { init: task.init.clone(), goal: task.goal.clone(), weight: None, bound: u64::MAX, ties };
+            let mut search = Lazy::new(&task, &generator, &counter, &[1, 1], Relaxed::new(&task, Costs::Unit), aim);
+            let preferred = (0..64).map(|_| search.relaxed.estimate(&task.init, &task.goal).preferred);
+            assert_eq!(preferred.collect::<std::collections::HashSet<_>>().len(), count, "{ties:?}");
+        }
     }
 }

@@ -92,8 +92,7 @@ pub fn solve(task: &Task, settings: Settings, report: &mut dyn FnMut(Event<'_>))
         costs: &costs,
         relaxed,
         init: &init,
-        first: None,
-        last: None,
+        lazy: [None, None, None],
         width: None,
         prover: Prover::new(task),
         is_over: Vec::new(),
@@ -168,7 +167,7 @@ fn is_refuted(task: &Task, init: &[Fact], report: &mut dyn FnMut(Event<'_>)) -> 
 /// The searches for a first plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
-    /// Lazy greedy search, where of equals those count that the task names first, or last: which of them lead astray
+    /// Lazy greedy search, where of equals the first count, or the last, or what is drawn: which of them lead astray
     /// depends on how a domain was written, and diversity helps (Imai and Kishimoto 2011, "A novel technique for
     /// avoiding plateaus of greedy best-first search in satisficing planning").
     Lazy(Ties),
@@ -177,17 +176,24 @@ enum Search {
 }
 
 /// In which order searches work at first, and their part of a slice, in eighths.
-const SOON: [(Search, u64); 5] = [
+const SOON: [(Search, u64); 7] = [
     (Search::Lazy(Ties::First), 2),
     (Search::Lazy(Ties::Last), 2),
-    (Search::Lazy(Ties::First), 6),
+    (Search::Lazy(Ties::Drawn), 2),
+    (Search::Lazy(Ties::First), 4),
+    (Search::Lazy(Ties::Drawn), 2),
     (Search::Width, 4),
     (Search::Proof, 1),
 ];
 
 /// As [`SOON`], for the slices after the first.
-const LATER: [(Search, u64); 4] =
-    [(Search::Lazy(Ties::First), 8), (Search::Lazy(Ties::Last), 2), (Search::Width, 4), (Search::Proof, 1)];
+const LATER: [(Search, u64); 5] = [
+    (Search::Lazy(Ties::First), 4),
+    (Search::Lazy(Ties::Drawn), 4),
+    (Search::Lazy(Ties::Last), 2),
+    (Search::Width, 4),
+    (Search::Proof, 1),
+];
 
 /// What the searches for a first plan share, and how far they are.
 struct Searches<'t> {
@@ -197,8 +203,7 @@ struct Searches<'t> {
     costs: &'t [u32],
     relaxed: Relaxed,
     init: &'t [Fact],
-    first: Option<Lazy<'t>>,
-    last: Option<Lazy<'t>>,
+    lazy: [Option<Lazy<'t>>; 3],
     width: Option<Width<'t>>,
     prover: Prover<'t>,
     /// The searches that have no more room, or have come to an end that proves nothing.
@@ -211,16 +216,12 @@ impl<'t> Searches<'t> {
         let (task, generator, counter) = (self.task, self.generator, self.counter);
         match search {
             Search::Lazy(ties) => {
-                let (place, share) = match ties {
-                    Ties::First => (&mut self.first, memory / 5 * 2),
-                    Ties::Last => (&mut self.last, memory / 5),
-                };
-                let lazy = place.get_or_insert_with(|| {
+                let lazy = self.lazy[ties as usize].get_or_insert_with(|| {
                     let (init, goal) = (self.init.to_vec(), task.goal.clone());
                     let aim = Aim { init, goal, weight: None, bound: u64::MAX, ties };
                     Lazy::new(task, generator, counter, self.costs, self.relaxed.clone(), aim)
                 });
-                (lazy.run(work, share), lazy.work())
+                (lazy.run(work, memory / 5), lazy.work())
             }
             Search::Width => {
                 let width =
@@ -233,7 +234,7 @@ impl<'t> Searches<'t> {
 
     /// Returns how many states were reached.
     fn states(&self) -> usize {
-        let lazy = self.first.iter().chain(&self.last).map(Lazy::states);
+        let lazy = self.lazy.iter().flatten().map(Lazy::states);
         lazy.chain(self.width.iter().map(Width::states)).sum::<usize>() + self.prover.states()
     }
 
