@@ -37,32 +37,19 @@ impl Scan<'_> {
         let most = if self.sharing.is_counted_where_long().is_some() { LONG } else { PAGE_ROWS };
         for nth in 1..=most {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
-            if self.sharing.is_part() {
-                let behind = std::mem::replace(&mut position, row.get(1)?);
-                failure::check_order(position, behind)?;
-                if self.sharing.arrive(position) {
-                    self.check_seam(position)?;
-                }
-                if position > last {
-                    self.sharing.leave(Some(position));
-                    return Ok(Rest::Nothing);
-                }
+            let behind = std::mem::replace(&mut position, row.get(1)?);
+            failure::check_order(position, behind)?;
+            if self.sharing.arrive(position) {
+                self.check_seam(position)?;
+            }
+            if position > last {
+                self.sharing.leave(Some(position));
+                return Ok(Rest::Nothing);
             }
             check_ending_at(nth)?;
             let body = body::of_column(row.get_ref(0)?)?;
             let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);
-            if !self.sharing.is_part() {
-                // The position is read only for matches: reading it costs time, too.
-                if !is_match && nth < most {
-                    continue;
-                }
-                let behind = std::mem::replace(&mut position, row.get(1)?);
-                failure::check_order(position, behind)?;
-                if position > last {
-                    return Ok(Rest::Nothing);
-                }
-            }
             if is_match && !take(position, body) {
                 break;
             }

@@ -30,7 +30,7 @@ impl<'a> Scan<'a> {
             most: usize::MAX,
             is_sorted: false,
             examined: Rc::default(),
-            sharing: Sharing::stretch(),
+            sharing: Sharing::never(),
         }
     }
 
@@ -82,8 +82,9 @@ impl<'a> Scan<'a> {
         if self.examined.documents.get() < LONG as u64 {
             return;
         }
-        self.sharing = self.ahead((*behind, *last), is_counted).map_or_else(Sharing::never, Sharing::with);
-        if self.sharing.is_part() {
+        self.sharing = Sharing::never();
+        if let Some(ahead) = self.ahead((*behind, *last), is_counted) {
+            self.sharing = Sharing::with(ahead);
             self.rest = self.next_stretch();
         }
     }
