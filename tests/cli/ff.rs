@@ -23,7 +23,7 @@ fn the_builtin_planner_prints_as_ff_does() {
 
     step    0: PUTDOWN B
             1: UNSTACK D A
-            2: STACK D C
+            2: PUTDOWN D
             3: PICKUP A
             4: STACK A B
          
