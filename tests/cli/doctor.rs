@@ -10,7 +10,11 @@ fn doctor_finds_damaged_documents_and_indexes() {
     assert!(sound.contains("memory     file:robot.rmem: ok, 1 collection\n"), "{sound}");
     assert!(sound.contains("checked    file:robot.rmem: 1 collection, 3 documents, 1 index\n"), "{sound}");
     sql(&lab, "robot.rmem", DAMAGE);
-    sql(&lab, "robot.rmem", "DELETE FROM entries_1 WHERE position = 3; INSERT INTO entries_1 VALUES (x'00', 77)");
+    sql(
+        &lab,
+        "robot.rmem",
+        "DELETE FROM entries_1 WHERE position = 3; INSERT INTO entries_1 (key, position) VALUES (x'00', 77)",
+    );
     let found = lab.rmem(&["doctor", "--deep"]).exits(4).stdout;
     assert!(found.contains("memory     file:robot.rmem: damaged, 1 collection\n"), "{found}");
     let damage: Vec<&str> = found.lines().filter(|line| line.starts_with("damage ")).collect();

@@ -16,6 +16,8 @@ use super::Embedded;
 use super::catalog::Collection;
 use super::failure;
 use super::indexed::{Indexed, Indexes};
+use super::keys::Keys;
+use super::snapshot::Snapshot;
 use crate::query::index::{Access, Candidate, Pattern, Range, alternatives, order, ways};
 use crate::query::{Filter, QueryError, QueryMistake, Sort};
 use crate::store::{Hint, Index, KeyOptions, StoreError};
@@ -53,15 +55,16 @@ pub(super) enum Way {
 /// Ranges of a table with keys, being read.
 #[derive(Clone)]
 pub(super) struct Listing {
-    /// The table of an index, or that of the documents.
-    pub(super) table: String,
+    pub(super) keys: Keys,
     pub(super) ranges: VecDeque<Range>,
     pub(super) backwards: bool,
+    /// Whether one entry is listed at most.
+    pub(super) is_of_one: bool,
 }
 
 impl Listing {
-    fn forwards(table: String, ranges: Vec<Range>) -> Self {
-        Self { table, ranges: ranges.into(), backwards: false }
+    fn forwards(keys: Keys, ranges: Vec<Range>) -> Self {
+        Self { keys, ranges: ranges.into(), backwards: false, is_of_one: false }
     }
 }
 
@@ -89,15 +92,12 @@ impl Embedded {
         let kept: Vec<&Indexed> = indexes.iter().filter(|index| index.is_used()).collect();
         let candidates: Vec<Candidate<'_>> =
             [of_ids()].into_iter().chain(kept.iter().map(|index| candidate(index))).collect();
-        let table = |candidate: usize| match candidate.checked_sub(1).and_then(|nth| kept.get(nth)) {
-            Some(index) => index.table(),
-            None => collection.table(),
-        };
+        let index = |candidate: usize| candidate.checked_sub(1).and_then(|nth| kept.get(nth));
+        let keys = |candidate| index(candidate).map_or_else(|| Keys::of_documents(collection), |index| index.keys());
         let explanation = |access: &Access<'_>| match is_explained {
             false => Document::new(),
             true => {
-                let index = access.candidate.checked_sub(1).and_then(|nth| kept.get(nth));
-                let (definition, pattern) = match index {
+                let (definition, pattern) = match index(access.candidate) {
                     Some(index) => (index.definition.clone(), &index.pattern),
                     None => (Index::of_ids(), &*IDS),
                 };
@@ -105,15 +105,17 @@ impl Embedded {
             }
         };
         let found = ways(filter, sort, &candidates);
-        if let Some(access) = self.best(found, table)? {
-            let (explanation, table, is_sorted) =
-                (explanation(&access), table(access.candidate), access.sorted.is_some());
+        if let Some(access) = self.best(found, |candidate| keys(candidate).table)? {
+            let (explanation, keys, is_sorted) =
+                (explanation(&access), keys(access.candidate), access.sorted.is_some());
             let backwards = access.sorted.unwrap_or(false);
             if access.is_natural && sort.is_empty() || is_sorted && !sort.is_empty() {
-                let listing = Listing { table, ranges: in_turn(access.ranges, backwards), backwards };
+                let is_unique = index(access.candidate).is_none_or(|index| index.definition.unique);
+                let is_of_one = access.is_natural && is_unique;
+                let listing = Listing { keys, ranges: in_turn(access.ranges, backwards), backwards, is_of_one };
                 return Ok(Chosen { way: Way::Listed(listing), is_sorted, explanation, keys: 0 });
             }
-            return self.positions(vec![Listing::forwards(table, access.ranges)], explanation, sort.is_empty());
+            return self.positions(vec![Listing::forwards(keys, access.ranges)], explanation, sort.is_empty());
         }
         let Some(parts) = alternatives(filter, &candidates) else {
             let explanation = if is_explained {
@@ -127,7 +129,7 @@ impl Embedded {
             true => doc! { "any": parts.iter().map(explanation).collect::<Vec<_>>() },
             false => Document::new(),
         };
-        let parts = parts.into_iter().map(|access| Listing::forwards(table(access.candidate), access.ranges));
+        let parts = parts.into_iter().map(|access| Listing::forwards(keys(access.candidate), access.ranges));
         self.positions(parts.collect(), explanation, sort.is_empty())
     }
 
@@ -149,17 +151,17 @@ impl Embedded {
             explanation: doc! { "index": Bson::Null },
             keys: 0,
         };
-        let (index, candidate, table) = match named(indexes, hint)? {
+        let (index, candidate, keys) = match named(indexes, hint)? {
             Named::None { backwards: false } => return Ok(walk(None)),
             Named::None { backwards: true } => return Ok(walk(Some(self.backwards(collection)?))),
-            Named::Ids => (Index::of_ids(), of_ids(), collection.table()),
+            Named::Ids => (Index::of_ids(), of_ids(), Keys::of_documents(collection)),
             // What has no keys is answered by all documents.
             Named::Index(index) if !index.pattern.serves(filter) => {
                 let message = "the hint names a wildcard index, and the query asks for none of its paths";
                 return Err(QueryError::invalid(NO_PLAN, message).of_kind(QueryMistake::Hint).into());
             }
             Named::Index(index) if !index.is_kept() => return Ok(walk(None)),
-            Named::Index(index) => (index.definition.clone(), candidate(index), index.table()),
+            Named::Index(index) => (index.definition.clone(), candidate(index), index.keys()),
         };
         let access = ways(filter, sort, &[candidate]).pop();
         let bounds = access.as_ref().map(|access| access.bounds(candidate.pattern)).unwrap_or_default();
@@ -168,7 +170,7 @@ impl Embedded {
             Some(access) => (access.sorted.is_some(), access.sorted.unwrap_or(false), access.ranges),
             None => (sort.is_empty(), false, all()),
         };
-        let listing = Listing { table, ranges: in_turn(ranges, backwards), backwards };
+        let listing = Listing { keys, ranges: in_turn(ranges, backwards), backwards, is_of_one: false };
         let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": bounds };
         self.along_index(listing, is_sorted || sort.is_empty(), explanation)
     }
@@ -183,17 +185,17 @@ impl Embedded {
         indexes: &Indexes,
         sort: &Sort,
         hint: Option<&Hint>,
-        keys: &KeyOptions,
+        bounds: &KeyOptions,
     ) -> Result<Chosen, StoreError> {
         let refuse = |code, message: &str| QueryError::invalid(code, message).of_kind(QueryMistake::Hint);
         let hint = hint.ok_or_else(|| refuse(NO_HINT, "min and max need a hint: which index they are keys of"))?;
-        let (index, candidate, table) = match named(indexes, hint)? {
+        let (index, candidate, keys) = match named(indexes, hint)? {
             Named::None { .. } => return Err(refuse(NO_PLAN, "min and max are incompatible with $natural").into()),
-            Named::Ids => (Index::of_ids(), of_ids(), collection.table()),
+            Named::Ids => (Index::of_ids(), of_ids(), Keys::of_documents(collection)),
             Named::Index(index) if !index.is_kept() && !index.pattern.is_wildcard() || index.pattern.is_hashed() => {
                 return Err(QueryError::unsupported("min and max of a hashed, geospatial or text index").into());
             }
-            Named::Index(index) => (index.definition.clone(), candidate(index), index.table()),
+            Named::Index(index) => (index.definition.clone(), candidate(index), index.keys()),
         };
         let key = |values: &Document, open: Vec<u8>| match values.is_empty() {
             true => Ok(open),
@@ -204,12 +206,13 @@ impl Embedded {
                 )
             }),
         };
-        let range = Range { low: key(&keys.min, Vec::new())?, high: key(&keys.max, vec![0xff; 2])? };
+        let range = Range { low: key(&bounds.min, Vec::new())?, high: key(&bounds.max, vec![0xff; 2])? };
         if range.low >= range.high {
             return Err(refuse(TURNED, "min has to be before max in the hinted index").into());
         }
         let backwards = order(sort, candidate);
-        let listing = Listing { table, ranges: [range].into(), backwards: backwards.unwrap_or(false) };
+        let ranges = [range].into();
+        let listing = Listing { keys, ranges, backwards: backwards.unwrap_or(false), is_of_one: false };
         let explanation = doc! { "index": index.name, "keys": index.keys, "bounds": {} };
         self.along_index(listing, backwards.is_some(), explanation)
     }
@@ -232,23 +235,19 @@ impl Embedded {
 
     /// The positions that a table of keys lists, in its order, each once.
     fn listed(&self, listing: &Listing) -> rusqlite::Result<VecDeque<i64>> {
-        let order = if listing.backwards { "DESC" } else { "ASC" };
-        let sql = format!(
-            "SELECT position FROM {} WHERE key >= ? AND key < ? ORDER BY key {order}, position {order}",
-            listing.table
-        );
-        let mut statement = self.connection.prepare_cached(&sql)?;
         let (mut positions, mut seen) = (VecDeque::new(), HashSet::new());
-        for range in &listing.ranges {
-            let mut rows = statement.query([&range.low, &range.high])?;
-            while let Some(row) = rows.next()? {
-                let position = row.get(0)?;
-                if seen.insert(position) {
-                    positions.push_back(position);
-                }
+        self.each_listed(listing, &mut |position| {
+            if seen.insert(position) {
+                positions.push_back(position);
             }
-        }
+        })?;
         Ok(positions)
+    }
+
+    /// Shows the positions that a table of keys lists, in its order.
+    fn each_listed(&self, listing: &Listing, take: &mut dyn FnMut(i64)) -> rusqlite::Result<()> {
+        let _snapshot = Snapshot::begin(&self.connection)?;
+        listing.ranges.iter().try_for_each(|range| listing.read_positions(&self.connection, range, None, take))
     }
 
     /// The one of several ways with the fewest keys.
@@ -296,7 +295,7 @@ impl Embedded {
     fn positions(&self, parts: Vec<Listing>, explanation: Document, is_sorted: bool) -> Result<Chosen, StoreError> {
         let mut positions: Vec<i64> = Vec::new();
         for part in &parts {
-            match self.list(part, &mut positions) {
+            match self.each_listed(part, &mut |position| positions.push(position)) {
                 Err(error) if failure::is_gone(&error) => {
                     return Ok(Chosen { way: Way::Walk, is_sorted, explanation, keys: 0 });
                 }
@@ -309,18 +308,6 @@ impl Embedded {
         Ok(Chosen { way: Way::Positions(positions.into(), parts), is_sorted, explanation, keys })
     }
 
-    fn list(&self, part: &Listing, positions: &mut Vec<i64>) -> rusqlite::Result<()> {
-        let sql = format!("SELECT position FROM {} WHERE key >= ? AND key < ?", part.table);
-        let mut statement = self.connection.prepare_cached(&sql)?;
-        for range in &part.ranges {
-            let mut rows = statement.query([&range.low, &range.high])?;
-            while let Some(row) = rows.next()? {
-                positions.push(row.get(0)?);
-            }
-        }
-        Ok(())
-    }
-
     /// How many documents have a date at or before `date` in the index on decay.
     pub(super) fn decayed(&self, index: &Indexed, date: bson::DateTime) -> Result<u64, StoreError> {
         let filter = Filter::parse(&doc! { crate::store::metadata::DECAY_PATH: { "$lte": date } })?;
@@ -329,8 +316,8 @@ impl Embedded {
             return Err(QueryError::bad_value("the index on decay has no dates").into());
         };
         let mut positions = Vec::new();
-        let part = Listing::forwards(index.table(), access.ranges);
-        self.list(&part, &mut positions).map_err(|e| self.explain(&e))?;
+        let part = Listing::forwards(index.keys(), access.ranges);
+        self.each_listed(&part, &mut |position| positions.push(position)).map_err(|e| self.explain(&e))?;
         positions.sort_unstable();
         positions.dedup();
         Ok(positions.len() as u64)

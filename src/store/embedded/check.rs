@@ -8,6 +8,7 @@ use rusqlite::{Connection, params};
 
 use super::catalog::Collection;
 use super::indexed::Indexed;
+use super::keys::seal;
 use super::scan::check_ending;
 use super::snapshot::Snapshot;
 use super::{Embedded, body, change_log};
@@ -137,11 +138,15 @@ impl Embedded {
     /// How many keys a document has in an index, and how many of them are missing.
     fn missing_keys(&self, index: &Indexed, document: &RawDocument, position: i64) -> Result<(u64, u64), StoreError> {
         let keys = index.entries(document)?.keys;
-        let sql = format!("SELECT 1 FROM {} WHERE key = ? AND position = ?", index.table());
+        let table_of = index.keys();
+        let (table, seals) = (&table_of.table, table_of.seals());
+        let sql = format!("SELECT 1 FROM {table} WHERE key = ?1 AND position = ?2 AND ifnull({seals}, ?3) = ?3");
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
         let mut missing = 0;
         for key in &keys {
-            missing += u64::from(!statement.exists(params![key, position]).map_err(|e| self.explain(&e))?);
+            missing += u64::from(
+                !statement.exists(params![key, position, seal(key, position)]).map_err(|e| self.explain(&e))?,
+            );
         }
         Ok((keys.len() as u64, missing))
     }

@@ -49,6 +49,11 @@ pub(super) fn damage(what: &str) -> Error {
     Error::SqliteFailure(ffi::Error::new(ffi::SQLITE_CORRUPT), Some(what.to_owned()))
 }
 
+/// That an entry of an index is not as it was written.
+pub(super) fn entry() -> Error {
+    damage("an index has a changed key")
+}
+
 /// That an index lists a document that is not there.
 pub(super) fn no_document() -> Error {
     damage("an index lists a document that is not there")

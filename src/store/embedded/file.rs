@@ -11,7 +11,7 @@
 //!   documents side by side on the disk, and dropping it is one step.
 //! - `indexes`: one row per index: its definition as BSON, as MongoDB lists it,
 //!   and which of its paths run through arrays, as bits.
-//! - `entries_ID`, one per index: the keys, each with the position of its document.
+//! - `entries_ID`, one per index: the keys, each with the position of its document and a checksum (`keys`).
 //! - `watchers`: the watchers of collections, with their positions (`watcher`).
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
 //! - `histories`, `origins` and `cut_runs`, where a history was kept: of what, the authors of changes, and the runs of

@@ -1,7 +1,7 @@
 //! The indexes of a collection: their catalogue, and the keys in them.
 //!
 //! An index is a table of its own, `entries_ID`: keys, each with the position
-//! of its document. It is changed in the transaction that changes the document.
+//! of its document and a checksum (`keys`). It is changed in the transaction that changes the document.
 //! Every collection has a generation, which grows with each change of its
 //! indexes; a store compares it with the generation of its cached indexes.
 
@@ -14,6 +14,7 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
+use super::keys::seal;
 use super::scan::check_ending;
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
@@ -48,19 +49,19 @@ impl Embedded {
     }
 
     fn load_indexes(&self, collection: Collection) -> Result<Vec<Indexed>, StoreError> {
-        let sql = "SELECT id, definition, multikey FROM indexes WHERE collection = ? ORDER BY id";
-        let rows: Vec<(i64, Vec<u8>, i64)> = self
+        let sql = "SELECT id, definition, multikey, EXISTS (
+                       SELECT 1 FROM pragma_table_info('entries_' || id) AS info WHERE info.name = 'seal')
+                   FROM indexes WHERE collection = ? ORDER BY id";
+        let rows: Vec<(i64, Vec<u8>, i64, bool)> = self
             .connection
             .prepare_cached(sql)
-            .and_then(|mut statement| {
-                statement.query_map([collection.id], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))?.collect()
-            })
+            .and_then(|mut statement| statement.query_map([collection.id], |row| row.try_into())?.collect())
             .map_err(|e| self.explain(&e))?;
         rows.into_iter()
-            .map(|(id, definition, multikey)| {
+            .map(|(id, definition, multikey, is_sealed)| {
                 let definition = RawDocumentBuf::from_bytes(definition).map_err(QueryError::from)?;
                 let definition = Index::parse(&Document::try_from(&*definition).map_err(QueryError::from)?)?;
-                Ok(Indexed::new(id, definition, multikey.cast_unsigned())?)
+                Ok(Indexed::new(id, definition, multikey.cast_unsigned(), is_sealed)?)
             })
             .collect()
     }
@@ -115,7 +116,7 @@ impl Embedded {
     ) -> Result<(), StoreError> {
         for (index, entries) in indexes.iter().zip(entries) {
             self.note_multikey(collection, index, entries.multikey)?;
-            self.each_key("INSERT OR IGNORE INTO {} (key, position) VALUES (?, ?)", index, &entries.keys, position)?;
+            self.add_keys(index, &entries.keys, position)?;
         }
         Ok(())
     }
@@ -129,7 +130,7 @@ impl Embedded {
     ) -> Result<(), StoreError> {
         for index in indexes {
             let keys = index.entries(body)?.keys;
-            self.each_key("DELETE FROM {} WHERE key = ? AND position = ?", index, &keys, position)?;
+            self.remove_keys(index, &keys, position)?;
         }
         Ok(())
     }
@@ -151,17 +152,36 @@ impl Embedded {
             let gone: Vec<_> = old.keys.iter().filter(|key| !new.keys.contains(key)).cloned().collect();
             let more: Vec<_> = new.keys.iter().filter(|key| !old.keys.contains(key)).cloned().collect();
             self.note_multikey(collection, index, new.multikey)?;
-            self.each_key("DELETE FROM {} WHERE key = ? AND position = ?", index, &gone, position)?;
-            self.each_key("INSERT OR IGNORE INTO {} (key, position) VALUES (?, ?)", index, &more, position)?;
+            self.remove_keys(index, &gone, position)?;
+            self.add_keys(index, &more, position)?;
         }
         Ok(())
     }
 
-    fn each_key(&self, sql: &str, index: &Indexed, keys: &[Vec<u8>], position: i64) -> Result<(), StoreError> {
+    fn add_keys(&self, index: &Indexed, keys: &[Vec<u8>], position: i64) -> Result<(), StoreError> {
         if keys.is_empty() {
             return Ok(());
         }
-        let sql = sql.replace("{}", &index.table());
+        let (column, value) = if index.is_sealed { (", seal", ", ?") } else { ("", "") };
+        let sql = format!("INSERT OR IGNORE INTO {} (key, position{column}) VALUES (?, ?{value})", index.table());
+        let add = || -> rusqlite::Result<()> {
+            let mut statement = self.connection.prepare_cached(&sql)?;
+            for key in keys {
+                match index.is_sealed {
+                    true => statement.execute(params![key, position, seal(key, position)])?,
+                    false => statement.execute(params![key, position])?,
+                };
+            }
+            Ok(())
+        };
+        add().map_err(|e| self.explain(&e))
+    }
+
+    fn remove_keys(&self, index: &Indexed, keys: &[Vec<u8>], position: i64) -> Result<(), StoreError> {
+        if keys.is_empty() {
+            return Ok(());
+        }
+        let sql = format!("DELETE FROM {} WHERE key = ? AND position = ?", index.table());
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
         for key in keys {
             statement.execute(params![key, position]).map_err(|e| self.explain(&e))?;
@@ -255,10 +275,10 @@ impl Embedded {
             .prepare_cached("INSERT INTO indexes (collection, name, definition) VALUES (?, ?, ?)")
             .and_then(|mut insert| insert.execute(params![collection.id, index.name, definition.as_bytes()]))
             .map_err(|e| self.explain(&e))?;
-        let made = Indexed::new(self.connection.last_insert_rowid(), index.clone(), 0)?;
+        let made = Indexed::new(self.connection.last_insert_rowid(), index.clone(), 0, true)?;
         if made.is_kept() {
             let sql = format!(
-                "CREATE TABLE {} (key BLOB NOT NULL, position INTEGER NOT NULL, PRIMARY KEY (key, position)) \
+                "CREATE TABLE {} (key BLOB NOT NULL, position INTEGER NOT NULL, seal INTEGER, PRIMARY KEY (key, position)) \
                  STRICT, WITHOUT ROWID",
                 made.table()
             );

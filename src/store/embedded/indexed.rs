@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bson::RawDocument;
 
 use super::catalog::Collection;
+use super::keys::Keys;
 use crate::query::collation::during;
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Filter, QueryError};
@@ -22,6 +23,8 @@ pub(super) struct Indexed {
     pub(super) multikey: AtomicU64,
     /// Only documents that match are in the index.
     partial: Option<Filter>,
+    /// Whether its entries have checksums.
+    pub(super) is_sealed: bool,
 }
 
 /// The option of an index that holds only documents which match a filter.
@@ -60,16 +63,21 @@ impl Indexed {
     ///
     /// # Errors
     /// If the definition is none.
-    pub(super) fn new(id: i64, definition: Index, multikey: u64) -> Result<Self, QueryError> {
+    pub(super) fn new(id: i64, definition: Index, multikey: u64, is_sealed: bool) -> Result<Self, QueryError> {
         let pattern = Pattern::parse_with(&definition.keys, &definition.other)?;
         let partial = definition.other.get_document(PARTIAL).ok();
         let partial = during(pattern.collation(), || partial.map(Filter::parse).transpose())?;
-        Ok(Self { id, definition, pattern, multikey: AtomicU64::new(multikey), partial })
+        Ok(Self { id, definition, pattern, multikey: AtomicU64::new(multikey), partial, is_sealed })
     }
 
     /// The name of the table with the keys.
     pub(super) fn table(&self) -> String {
         format!("entries_{}", self.id)
+    }
+
+    /// The table with the keys.
+    pub(super) fn keys(&self) -> Keys {
+        Keys::of_index(self.table(), self.is_sealed)
     }
 
     /// Whether there are keys: geospatial, wildcard and text indexes are in the catalogue only.

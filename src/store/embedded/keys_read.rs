@@ -25,7 +25,7 @@ impl Embedded {
     /// Where they are not the values of documents.
     pub(super) fn keys_read(&self, collection: Collection, scan: &Scan<'_>) -> Result<KeysRead, StoreError> {
         let indexes = self.indexes_of(collection)?;
-        let nth = |listing: &Listing| indexes.iter().position(|index| index.table() == listing.table);
+        let nth = |listing: &Listing| indexes.iter().position(|index| index.table() == listing.keys.table);
         let listings: Vec<_> = scan.listings().map(|listing| (nth(listing), listing.clone())).collect();
         let of = |(nth, _): &(Option<usize>, Listing)| nth.and_then(|nth| indexes.get(nth));
         if let Some(index) = listings.iter().filter_map(of).find(|index| !has_values(index)) {

@@ -26,6 +26,7 @@ mod file;
 mod history;
 mod index;
 mod indexed;
+mod keys;
 mod keys_read;
 mod log;
 mod log_size;

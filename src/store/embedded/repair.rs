@@ -326,9 +326,14 @@ impl Embedded {
         for index in indexes.iter() {
             made += 1;
             if index.is_kept() {
-                let clear = format!("DELETE FROM {}", index.table());
+                let table = index.table();
+                // Entries that an older rmem made have no checksums.
+                let clear = match index.is_sealed {
+                    true => format!("DELETE FROM {table}"),
+                    false => format!("DELETE FROM {table}; ALTER TABLE {table} ADD COLUMN seal INTEGER"),
+                };
                 self.connection
-                    .execute(&clear, [])
+                    .execute_batch(&clear)
                     .and_then(|_| {
                         self.connection.execute("UPDATE indexes SET multikey = 0 WHERE id = ?", params![index.id])
                     })

@@ -3,14 +3,15 @@
 use std::collections::VecDeque;
 
 use bson::RawDocument;
-use rusqlite::params;
 use rusqlite::types::ValueRef;
 
 use super::examined::Examined;
 use super::limit::check_ending_at;
+use super::listing::note;
 use super::sharing::LONG;
 use super::{More, Rest, Scan};
 use crate::store::embedded::access::Listing;
+use crate::store::embedded::keys::Keys;
 use crate::store::embedded::page::PageError;
 use crate::store::embedded::snapshot::Snapshot;
 use crate::store::embedded::{body, failure};
@@ -139,46 +140,53 @@ impl Scan<'_> {
         let mut statement = store.connection.prepare_cached(&sql)?;
         let (mut taken, mut nth) = (0, 0);
         while let Some(range) = listing.ranges.front() {
-            let (from, to) = if listing.backwards { (&range.high, &range.low) } else { (&range.low, &range.high) };
-            let mut rows = statement.query(params![from, i64::MIN, to])?;
+            let (from, to) = listing.ends(range);
+            let mut rows = statement.query([from, to])?;
+            let mut last = None;
             while let Some(row) = rows.next()? {
                 nth += 1;
                 check_ending_at(nth)?;
                 Examined::add(&self.examined.keys, 1);
                 Examined::add(&self.examined.documents, 1);
-                let position = row.get(1)?;
+                let position = Keys::position(row, 3)?;
                 if row.get_ref(2)? == ValueRef::Null {
                     return Err(failure::no_document().into());
                 }
                 let body = body::of_column(row.get_ref(2)?)?;
+                let key = row.get_ref(0)?.as_blob().map_err(rusqlite::Error::from)?;
+                note(&mut last, key);
                 if !self.matches(body)? {
+                    if listing.keys.are_ids() && !body::has_key(body, key) {
+                        return Err(failure::entry().into());
+                    }
                     continue;
                 }
                 taken += 1;
                 if !take(position, body) {
-                    let key: Vec<u8> = row.get(0)?;
+                    listing.check_before(&store.connection, range)?;
+                    let behind = (key.to_vec(), position);
                     drop(rows);
-                    return if taken >= self.most { Ok(Rest::Nothing) } else { self.list(listing, (key, position)) };
+                    return if taken >= self.most { Ok(Rest::Nothing) } else { self.list(listing, &behind) };
                 }
             }
             drop(rows);
+            // Where there can be one entry, and there it is, those beside it hide nothing.
+            if !listing.is_of_one || last.is_none() {
+                listing.check_before(&store.connection, range)?;
+                listing.check_behind(&store.connection, range, last.as_deref())?;
+            }
             listing.ranges.pop_front();
         }
         Ok(Rest::Nothing)
     }
 
     /// Where the documents are that the index lists behind a key and a position.
-    fn list(&mut self, mut listing: Listing, behind: (Vec<u8>, i64)) -> Result<Rest, PageError> {
+    fn list(&mut self, mut listing: Listing, behind: &(Vec<u8>, i64)) -> Result<Rest, PageError> {
         self.listings = vec![listing.clone()];
-        let mut statement = self.store.connection.prepare_cached(&listing.positions_sql())?;
-        let (mut behind, mut positions) = (Some(behind), VecDeque::new());
+        let (mut behind, mut positions) = (Some((behind.0.as_slice(), behind.1)), VecDeque::new());
         while let Some(range) = listing.ranges.pop_front() {
-            let (from, to) = if listing.backwards { (range.high, range.low) } else { (range.low, range.high) };
-            let (key, position) = behind.take().unwrap_or((from, i64::MIN));
-            let mut rows = statement.query(params![key, position, to])?;
-            while let Some(row) = rows.next()? {
-                positions.push_back(row.get(0)?);
-            }
+            let mut take = |position| positions.push_back(position);
+            listing.read_positions(&self.store.connection, &range, behind.take(), &mut take)?;
         }
         Examined::add(&self.examined.keys, positions.len() as u64);
         Ok(Rest::At(positions))
