@@ -19,6 +19,12 @@ use crate::store::embedded::{body, failure};
 /// The most documents examined for a page, matching or not.
 const PAGE_ROWS: usize = 20_000;
 
+/// Documents of up to so many bytes are short: a page of the file, of 4,096 bytes, holds more than [`OF_A_PAGE`].
+const SHORT: usize = 512;
+
+/// Of so many short documents, the position of at least one is read, so that a page in the place of another is noticed.
+const OF_A_PAGE: usize = 4;
+
 impl Scan<'_> {
     /// Whether the filter matches a document.
     fn matches(&self, document: &RawDocument) -> Result<bool, PageError> {
@@ -38,19 +44,32 @@ impl Scan<'_> {
         let most = if self.sharing.is_counted_where_long().is_some() { LONG } else { PAGE_ROWS };
         for nth in 1..=most {
             let Some(row) = rows.next()? else { return Ok(Rest::Nothing) };
-            let behind = std::mem::replace(&mut position, row.get(1)?);
-            failure::check_order(position, behind)?;
-            if self.sharing.arrive(position) {
-                self.check_seam(position)?;
+            if self.sharing.is_part() {
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if self.sharing.arrive(position) {
+                    self.check_seam(position)?;
+                }
+                if position > last {
+                    self.sharing.leave(Some(position));
+                    return Ok(Rest::Nothing);
+                }
             }
-            if position > last {
-                self.sharing.leave(Some(position));
-                return Ok(Rest::Nothing);
-            }
-            check_ending_at(nth)?;
             let body = body::of_column(row.get_ref(0)?)?;
             let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);
+            if !self.sharing.is_part() {
+                // Not every position is read: that costs time, too.
+                let is_seen = is_match || nth == most || nth.is_multiple_of(OF_A_PAGE) || body.as_bytes().len() > SHORT;
+                if !is_seen {
+                    continue;
+                }
+                let behind = std::mem::replace(&mut position, row.get(1)?);
+                failure::check_order(position, behind)?;
+                if position > last {
+                    return Ok(Rest::Nothing);
+                }
+            }
             if is_match && !take(position, body) {
                 break;
             }

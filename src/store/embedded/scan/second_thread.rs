@@ -7,7 +7,6 @@ use std::sync::Arc;
 use super::found::{PAGE_DOCUMENTS, Page};
 use super::sharing::{LONG, Sharing};
 use super::{Examined, Rest, Scan};
-use crate::deadline::{self, Deadline};
 use crate::query::{Filter, collation};
 use crate::store::StoreError;
 use crate::store::embedded::ahead::{Ahead, Slot, Turn};
@@ -30,7 +29,7 @@ impl<'a> Scan<'a> {
             most: usize::MAX,
             is_sorted: false,
             examined: Rc::default(),
-            sharing: Sharing::never(),
+            sharing: Sharing::stretch(),
         }
     }
 
@@ -82,9 +81,8 @@ impl<'a> Scan<'a> {
         if self.examined.documents.get() < LONG as u64 {
             return;
         }
-        self.sharing = Sharing::never();
-        if let Some(ahead) = self.ahead((*behind, *last), is_counted) {
-            self.sharing = Sharing::with(ahead);
+        self.sharing = self.ahead((*behind, *last), is_counted).map_or_else(Sharing::never, Sharing::with);
+        if self.sharing.is_part() {
             self.rest = self.next_stretch();
         }
     }
@@ -98,9 +96,8 @@ impl<'a> Scan<'a> {
         }
         let slot = Slot::take()?;
         let lent = self.store.spare.lend(|| self.store.again())?;
-        let (collection, filter, limits) = (self.collection, Arc::clone(&self.filter), deadline::limits());
+        let (collection, filter) = (self.collection, Arc::clone(&self.filter));
         Ahead::start(slot, (behind, last), move |stretch, send| {
-            let _deadline = Deadline::set(limits.clone());
             let Some(store) = lent.store() else { return false };
             let mut scan = Scan::stretch(store, collection, &filter, stretch);
             loop {

@@ -11,6 +11,8 @@ pub(super) const LONG: usize = 8_192;
 /// The second thread of a scan, and the ends of the stretch that is read.
 pub(super) struct Sharing {
     second: Second,
+    /// Whether the scan is cut into stretches, or is one of them.
+    is_part: bool,
     /// The first position that was found in this stretch, or behind it.
     first: Option<i64>,
     /// The first position that was found behind the stretch before.
@@ -29,23 +31,28 @@ enum Second {
 }
 
 impl Sharing {
-    fn new(second: Second) -> Self {
-        Self { second, first: None, next: None }
+    fn new(second: Second, is_part: bool) -> Self {
+        Self { second, is_part, first: None, next: None }
     }
 
     /// Of a scan that one thread reads.
     pub(super) fn never() -> Self {
-        Self::new(Second::Never)
+        Self::new(Second::Never, false)
     }
 
     /// Of a scan that a second thread may help with once it has turned out to be a long one.
     pub(super) fn where_long(is_counted: bool) -> Self {
-        Self::new(Second::WhereLong { is_counted })
+        Self::new(Second::WhereLong { is_counted }, false)
     }
 
     /// Of a scan of which a second thread reads every other stretch.
     pub(super) fn with(ahead: Ahead<Result<Page, StoreError>>) -> Self {
-        Self::new(Second::Reads(ahead))
+        Self::new(Second::Reads(ahead), true)
+    }
+
+    /// Of one stretch, as the second thread reads it.
+    pub(super) fn stretch() -> Self {
+        Self::new(Second::Never, true)
     }
 
     /// Whether the matches are only counted, where a second thread is started once the scan is a long one.
@@ -54,6 +61,11 @@ impl Sharing {
             Second::WhereLong { is_counted } => Some(is_counted),
             Second::Never | Second::Reads(_) => None,
         }
+    }
+
+    /// Whether the scan is cut into stretches, or is one of them.
+    pub(super) fn is_part(&self) -> bool {
+        self.is_part
     }
 
     /// The second thread, where there is one.
