@@ -51,12 +51,12 @@ struct Totals {
 impl Usage {
     /// Notes a command that was done.
     pub(super) fn note(&self, request: &Request, is_writing: bool, time: Duration) {
-        let (kind, count) = kind(request);
+        let ((kind, count), place) = (kind(request), place(request));
         let mut noted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(sum) = noted.counts.get_mut(kind) {
             *sum = sum.saturating_add(count);
         }
-        let Some(place) = place(request) else { return };
+        let Some(place) = place else { return };
         if noted.collections.len() >= MOST && !noted.collections.contains_key(&place) {
             return;
         }
