@@ -5,6 +5,7 @@
 //! changed one whichever way it went, so that damage is noticed where it keeps something from being found. The
 //! entry of an `_id` has no checksum; there, the key is compared with that in the document's row.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 
 use rusqlite::types::ValueRef;
@@ -60,7 +61,20 @@ impl Keys {
         if self.proof == Proof::Checksum { "seal" } else { "NULL" }
     }
 
-    /// Returns the position in the columns `key`, `position` and [`Keys::seals`] of a row, the last of which is in column `nth`.
+    /// What proves an entry: its checksum, the key in the document's row, or nothing. `entry` is what the statement calls the entry.
+    pub(super) fn proof(&self, entry: &str) -> Cow<'static, str> {
+        match self.proof {
+            Proof::Checksum | Proof::None => self.seals().into(),
+            Proof::Row => {
+                let table = self.table.as_str();
+                let own =
+                    format!("SELECT row.key FROM {table} AS row NOT INDEXED WHERE row.position = {entry}.position");
+                format!("ifnull(({own}), x'')").into()
+            }
+        }
+    }
+
+    /// Returns the position in the columns `key` and `position` of a row, whose column `nth` has the [`Keys::proof`].
     ///
     /// # Errors
     /// Where the entry is damaged.
@@ -68,6 +82,7 @@ impl Keys {
         let position = row.get(1)?;
         match row.get_ref(nth)? {
             ValueRef::Integer(sealed) if sealed != seal(row.get_ref(0)?.as_blob()?, position) => Err(failure::entry()),
+            ValueRef::Blob(own) if own != row.get_ref(0)?.as_blob()? => Err(failure::entry()),
             _ => Ok(position),
         }
     }
@@ -114,19 +129,14 @@ impl Keys {
             Beside::Above => (">", ""),
         };
         let table = self.table.as_str();
-        let row = format!("(SELECT key FROM {table} AS row NOT INDEXED WHERE row.position = entry.position)");
-        let proof = if self.proof == Proof::Row { row.as_str() } else { self.seals() };
+        let proof = self.proof("entry");
         let sql = format!(
             "SELECT key, position, {proof} FROM {table} AS entry WHERE key {condition} ?
              ORDER BY key{order}, position{order} LIMIT 1"
         );
         let compare = |row: &Row<'_>| {
             Self::position(row, 2)?;
-            let found = row.get_ref(0)?.as_blob()?;
-            if self.proof == Proof::Row && row.get_ref(2)? != ValueRef::Blob(found) {
-                return Err(failure::entry());
-            }
-            Ok(found.cmp(bound))
+            Ok(row.get_ref(0)?.as_blob()?.cmp(bound))
         };
         connection.prepare_cached(&sql)?.query_row([key], compare).optional()
     }
@@ -194,8 +204,12 @@ mod tests {
             queries.push((doc! { "name": part(name(n), name(n + 20)) }, doc! { "name": -1 }));
             queries.push((doc! { "_id": part(id(n), id(n + 20)) }, doc! { "_id": 1 }));
             queries.push((doc! { "kind": name(n % 20), "tags": { "$lt": 15 } }, doc! { "kind": 1, "tags": -1 }));
+            queries.push((doc! { "_id": part(id(n), id(n + 20)), "kind": { "$exists": true } }, Document::new()));
+            queries.push((doc! { "_id": { "$in": [id(n), id(n + 3), id(n + 9)] } }, Document::new()));
             queries.push((doc! { "name": { "$in": [name(n), name(n + 3), name(n + 9)] } }, Document::new()));
         }
+        queries.push((Document::new(), doc! { "_id": 1 }));
+        queries.push((Document::new(), doc! { "serial": 1 }));
         queries
     }
 

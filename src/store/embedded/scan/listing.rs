@@ -25,7 +25,8 @@ impl Listing {
     /// What reads only the entries of a range.
     fn entries_sql(&self) -> String {
         let mut sql = String::new();
-        push(&mut sql, &["SELECT key, position, ", self.keys.seals(), " FROM ", &self.keys.table]);
+        let table = self.keys.table.as_str();
+        push(&mut sql, &["SELECT key, position, ", &self.keys.proof(table), " FROM ", table]);
         self.push_range(&mut sql);
         sql
     }

@@ -174,10 +174,10 @@ impl Scan<'_> {
                 let body = body::of_column(row.get_ref(2)?)?;
                 let key = row.get_ref(0)?.as_blob().map_err(rusqlite::Error::from)?;
                 note(&mut last, key);
+                if listing.keys.are_ids() && !body::has_key(body, key) {
+                    return Err(failure::entry().into());
+                }
                 if !self.matches(body)? {
-                    if listing.keys.are_ids() && !body::has_key(body, key) {
-                        return Err(failure::entry().into());
-                    }
                     continue;
                 }
                 taken += 1;
