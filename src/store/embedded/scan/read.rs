@@ -55,6 +55,7 @@ impl Scan<'_> {
                     return Ok(Rest::Nothing);
                 }
             }
+            check_ending_at(nth)?;
             let body = body::of_column(row.get_ref(0)?)?;
             let is_match = self.matches(body)?;
             Examined::add(&self.examined.documents, 1);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::found::{PAGE_DOCUMENTS, Page};
 use super::sharing::{LONG, Sharing};
 use super::{Examined, Rest, Scan};
+use crate::deadline::{self, Deadline};
 use crate::query::{Filter, collation};
 use crate::store::StoreError;
 use crate::store::embedded::ahead::{Ahead, Slot, Turn};
@@ -96,8 +97,9 @@ impl<'a> Scan<'a> {
         }
         let slot = Slot::take()?;
         let lent = self.store.spare.lend(|| self.store.again())?;
-        let (collection, filter) = (self.collection, Arc::clone(&self.filter));
+        let (collection, filter, limits) = (self.collection, Arc::clone(&self.filter), deadline::limits());
         Ahead::start(slot, (behind, last), move |stretch, send| {
+            let _deadline = Deadline::set(limits.clone());
             let Some(store) = lent.store() else { return false };
             let mut scan = Scan::stretch(store, collection, &filter, stretch);
             loop {
