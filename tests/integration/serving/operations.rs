@@ -39,11 +39,12 @@ fn running(wire: &mut Wire) -> Result<Vec<Document>, Failed> {
     Ok(answer.get_array("inprog")?.iter().filter_map(Bson::as_document).cloned().collect())
 }
 
-/// Waits until one operation runs; returns what is said of it.
+/// Waits until one operation has run for half a second, so that the first of its statements is done; returns what is said of it.
 fn listed(wire: &mut Wire) -> Result<Document, Failed> {
     let mut found = None;
     until("an operation runs", || {
-        found = running(wire)?.pop();
+        let is_long = |one: &Document| one.get_i64("microsecs_running").is_ok_and(|micros| micros > 500_000);
+        found = running(wire)?.into_iter().find(is_long);
         Ok(found.is_some())
     })?;
     Ok(found.ok_or("no operation")?)
