@@ -18,16 +18,16 @@ impl Listing {
         if index != documents {
             push(&mut sql, &[" LEFT JOIN ", documents, " USING (position)"]);
         }
-        self.push_range(&mut sql);
+        self.push_range(&mut sql, false);
         sql
     }
 
-    /// What reads only the entries of a range.
-    fn entries_sql(&self) -> String {
+    /// What reads only the entries of a range, or of its rest from a key on that was read of it.
+    fn entries_sql(&self, is_rest: bool) -> String {
         let mut sql = String::new();
         let table = self.keys.table.as_str();
         push(&mut sql, &["SELECT key, position, ", &self.keys.proof(table), " FROM ", table]);
-        self.push_range(&mut sql);
+        self.push_range(&mut sql, is_rest);
         sql
     }
 
@@ -46,7 +46,7 @@ impl Listing {
         if behind.is_none() {
             self.check_before(connection, range)?;
         }
-        let mut statement = connection.prepare_cached(&self.entries_sql())?;
+        let mut statement = connection.prepare_cached(&self.entries_sql(behind.is_some()))?;
         let mut rows = statement.query([behind.map_or(from, |(key, _)| key), to])?;
         let mut last = None;
         while let Some(row) = rows.next()? {
@@ -98,9 +98,13 @@ impl Listing {
 
     /// The condition and the order of a range. Rows are not compared as a whole: SQLite would prepare the statement anew each
     /// time, and leave out an entry whose key damage has made smaller.
-    fn push_range(&self, sql: &mut String) {
+    fn push_range(&self, sql: &mut String, is_rest: bool) {
         let index = self.keys.table.as_str();
-        let (from, to, order) = if self.backwards { ("<", ">=", " DESC") } else { (">=", "<", "") };
+        let (from, to, order) = match (self.backwards, is_rest) {
+            (false, _) => (">=", "<", ""),
+            (true, false) => ("<", ">=", " DESC"),
+            (true, true) => ("<=", ">=", " DESC"),
+        };
         push(sql, &[" WHERE ", index, ".key ", from, " ?1 AND ", index, ".key ", to, " ?2"]);
         push(sql, &[" ORDER BY ", index, ".key", order, ", ", index, ".position", order]);
     }
