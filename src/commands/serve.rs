@@ -206,14 +206,20 @@ fn take_locks(files: &[PathBuf]) -> Result<Vec<Lock>> {
     files.iter().map(|file| Ok(Lock::take(file)?)).collect()
 }
 
-/// Opens the memory once: errors are reported now, and a missing file is created.
+/// Opens the memory once: errors are reported now, and a missing file is created. A robot that does not reach its team can
+/// use its own databases.
 fn fill(args: &ServeArgs, context: &mut Context<'_>) -> Result<()> {
     let memory = if args.read_only { context.memory()? } else { context.memory_to_fill()? };
     let is_file = context.settings.memory.value.as_deref().is_some_and(|uri| uri.starts_with("file:"));
     if is_file && !args.read_only {
         memory.open_local()?;
     }
-    memory.collections()?;
+    memory.check_local()?;
+    if let Err(error) = memory.check_shared() {
+        let databases = context.settings.shared_databases.value.join(", ");
+        let hint = "the databases in it are refused until it answers";
+        context.output.warn(&format!("the shared store ({databases}): {error}; {hint}"));
+    }
     context.report_operations();
     Ok(())
 }

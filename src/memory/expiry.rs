@@ -52,11 +52,8 @@ impl Memory {
     /// Where a store fails; what was removed before stays removed.
     pub fn expire_due(&self) -> Result<(), StoreError> {
         let now = self.clock.now();
-        for ns in self.collections()? {
+        for ns in self.collections_in_files()?.into_iter().filter(|ns| !ns.is_own()) {
             let store = self.routes.of(&ns)?;
-            if store.expires_by_itself() {
-                continue;
-            }
             for filter in store.indexes(&ns)?.iter().filter_map(|index| before(index, now)) {
                 if store.count(&ns, (&filter).into())? > 0 {
                     self.expire_collection(&ns, false)?;
@@ -149,5 +146,20 @@ mod tests {
         memory.expire_due().unwrap();
         let left: Vec<Bson> = memory.distinct(&ns, "_id", &Document::new()).unwrap();
         assert_eq!(left, [Bson::Int32(2)]);
+    }
+
+    #[cfg(feature = "mongodb")]
+    #[test]
+    fn what_runs_for_long_does_not_wait_for_a_server_that_is_away() {
+        let away = "mongodb://127.0.0.1:1/?serverSelectionTimeoutMS=10";
+        let uri = |text: &str| crate::store::StoreUri::parse(text).unwrap();
+        let memory = Memory::at(uri("mem:"), uri(away), vec!["team".to_owned()]);
+        memory.insert(&Namespace::parse("a.b").unwrap(), vec![doc! { "_id": 1 }]).unwrap();
+        memory.limit_caches(1 << 20).unwrap();
+        memory.expire_due().unwrap();
+        memory.fold().unwrap();
+        assert!(memory.kept_scopes().unwrap().is_empty());
+        assert_eq!(memory.collections_of("a").unwrap().len(), 1);
+        assert!(memory.collections().is_err() && memory.check_shared().is_err() && memory.check_local().is_ok());
     }
 }

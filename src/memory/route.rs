@@ -17,11 +17,13 @@ pub(super) struct Lazy {
     keeping: Box<RefCell<Keeping>>,
 }
 
-/// What the store gets once it is open: the histories it keeps, and the author of its changes.
+/// What the store gets once it is open: the histories it keeps, the author of its changes, and how much it may keep of what
+/// was read.
 #[derive(Default)]
 struct Keeping {
     histories: Vec<HistoryRule>,
     author: String,
+    cache: Option<usize>,
 }
 
 impl Lazy {
@@ -58,11 +60,24 @@ impl Lazy {
         }
     }
 
+    fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
+        self.keeping.borrow_mut().cache = Some(bytes);
+        self.store.get().map_or(Ok(()), |store| store.limit_cache(bytes))
+    }
+
+    /// Whether a server keeps the store.
+    fn is_on_server(&self) -> bool {
+        self.uri.as_ref().is_some_and(|uri| uri.path().is_none() && !uri.is_in_memory())
+    }
+
     pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
         if let (None, Some(uri)) = (self.store.get(), &self.uri) {
             let opened = store::open(uri, self.role)?;
-            opened.keep_history(&self.keeping.borrow().histories);
-            opened.sign(&self.keeping.borrow().author);
+            let keeping = self.keeping.borrow();
+            opened.keep_history(&keeping.histories);
+            opened.sign(&keeping.author);
+            keeping.cache.map_or(Ok(()), |bytes| opened.limit_cache(bytes))?;
+            drop(keeping);
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.store.set(opened);
         }
@@ -129,13 +144,12 @@ impl Routes {
 
     /// To read a file that is not there is an error from now on.
     pub(super) fn expect(&self) {
-        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.expected.set(true));
+        self.both().for_each(|lazy| lazy.expected.set(true));
     }
 
     /// Keeps these histories, and signs changes with a name.
     pub(super) fn keep_history(&self, rules: &[HistoryRule], author: &str) {
-        let stores = [Some(&self.local), self.shared.as_ref()].into_iter().flatten();
-        stores.for_each(|lazy| {
+        self.both().for_each(|lazy| {
             lazy.keep_history(rules);
             lazy.sign(author);
         });
@@ -148,7 +162,17 @@ impl Routes {
 
     /// Signs the changes that follow.
     pub(super) fn sign(&self, author: &str) {
-        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.sign(author));
+        self.both().for_each(|lazy| lazy.sign(author));
+    }
+
+    /// Limits how many bytes of what was read each store keeps in this process, once it is open.
+    pub(super) fn limit_caches(&self, bytes: usize) -> Result<(), StoreError> {
+        self.both().try_for_each(|lazy| lazy.limit_cache(bytes))
+    }
+
+    /// Has the stores that are open let go of what they keep of what was read.
+    pub(super) fn free_caches(&self) {
+        self.both().filter_map(|lazy| lazy.store.get()).for_each(|store| store.free_cache());
     }
 
     /// The store of a collection may be empty after all.
@@ -173,17 +197,34 @@ impl Routes {
 
     /// Whether a server keeps the database.
     pub(super) fn is_on_server(&self, ns: &Namespace) -> bool {
-        self.lazy(ns).uri.as_ref().is_some_and(|uri| uri.path().is_none() && !uri.is_in_memory())
+        self.lazy(ns).is_on_server()
     }
 
     /// [`Routes::collections`], of stores that are there.
     pub(super) fn existing_collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
-        for lazy in [Some(&self.local), self.shared.as_ref()].into_iter().flatten() {
+        for lazy in self.both() {
             let Some(store) = lazy.existing()? else { continue };
             all.extend(store.collections()?.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy)));
         }
         Ok(all)
+    }
+
+    /// [`Routes::collections`], of the stores that no server keeps.
+    pub(super) fn collections_in_files(&self) -> Result<Vec<Namespace>, StoreError> {
+        let mut all = Vec::new();
+        for lazy in self.in_files() {
+            let found = lazy.reading()?.collections()?;
+            all.extend(found.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy)));
+        }
+        Ok(all)
+    }
+
+    /// The collections of a database; the store of other databases is not asked.
+    pub(super) fn collections_of(&self, database: &str) -> Result<Vec<Namespace>, StoreError> {
+        let mut found = self.lazy_of(database).reading()?.collections()?;
+        found.retain(|ns| ns.database == database);
+        Ok(found)
     }
 
     /// The same for what is stored to be found again, but can do without that: a file that
@@ -212,10 +253,24 @@ impl Routes {
     }
 
     fn lazy(&self, ns: &Namespace) -> &Lazy {
+        self.lazy_of(&ns.database)
+    }
+
+    fn lazy_of(&self, database: &str) -> &Lazy {
         match &self.shared {
-            Some(shared) if self.is_shared(ns) => shared,
+            Some(shared) if self.shared_databases.iter().any(|shared| shared == database) => shared,
             _ => &self.local,
         }
+    }
+
+    /// The local store, and the shared one where it is another.
+    fn both(&self) -> impl Iterator<Item = &Lazy> {
+        std::iter::once(&self.local).chain(&self.shared)
+    }
+
+    /// Those that no server keeps.
+    fn in_files(&self) -> impl Iterator<Item = &Lazy> {
+        self.both().filter(|lazy| !lazy.is_on_server())
     }
 
     /// The local store, for reading.
@@ -225,24 +280,30 @@ impl Routes {
 
     /// The local store, and the shared one where it is another, for reading.
     pub(super) fn stores(&self) -> Result<Vec<&dyn Store>, StoreError> {
-        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().map(Lazy::reading).collect()
+        self.both().map(Lazy::reading).collect()
+    }
+
+    /// The same, without those that a server keeps.
+    pub(super) fn stores_in_files(&self) -> Result<Vec<&dyn Store>, StoreError> {
+        self.in_files().map(Lazy::reading).collect()
+    }
+
+    /// The shared store where databases are in it and it is another than the local one, for reading.
+    pub(super) fn shared(&self) -> Result<Option<&dyn Store>, StoreError> {
+        let shared = self.shared.as_ref().filter(|_| !self.shared_databases.is_empty());
+        shared.map(Lazy::reading).transpose()
     }
 
     /// The store that a scope is in; that of everything is the local one.
     pub(super) fn scoped(&self, scope: &Scope) -> Result<&dyn Store, StoreError> {
-        let is_shared =
-            scope.database().is_some_and(|database| self.shared_databases.iter().any(|name| name == database));
-        match &self.shared {
-            Some(shared) if is_shared => shared.get(),
-            _ => self.local.get(),
-        }
+        scope.database().map_or(&self.local, |database| self.lazy_of(database)).get()
     }
 
-    /// The scopes whose changes are kept.
+    /// The scopes whose changes are kept in files.
     pub(super) fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
-        let mut all = self.local.get()?.kept_scopes()?;
-        if let (Some(shared), false) = (&self.shared, self.shared_databases.is_empty()) {
-            all.extend(shared.get()?.kept_scopes()?);
+        let mut all = Vec::new();
+        for lazy in self.in_files() {
+            all.extend(lazy.get()?.kept_scopes()?);
         }
         Ok(all)
     }

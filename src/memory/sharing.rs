@@ -37,13 +37,33 @@ impl Memory {
         self.routes.scoped(&Scope::All).map(drop)
     }
 
-    /// Opens the stores, each of which keeps at most about so many bytes of what was read in this
-    /// process.
+    /// Reads what is in the local store.
     ///
     /// # Errors
-    /// Where one cannot be opened.
+    /// Where it cannot be opened, or its server does not answer.
+    pub fn check_local(&self) -> Result<(), StoreError> {
+        self.routes.local()?.collections().map(drop)
+    }
+
+    /// The same for the shared store, where there is one.
+    ///
+    /// # Errors
+    /// As [`Memory::check_local`].
+    pub fn check_shared(&self) -> Result<(), StoreError> {
+        self.routes.shared()?.map_or(Ok(()), |shared| shared.collections().map(drop))
+    }
+
+    /// Limits about how many bytes of what was read each store keeps in this process.
+    ///
+    /// # Errors
+    /// Where one that is open fails.
     pub fn limit_caches(&self, bytes: usize) -> Result<(), StoreError> {
-        self.routes.stores()?.into_iter().try_for_each(|store| store.limit_cache(bytes))
+        self.routes.limit_caches(bytes)
+    }
+
+    /// Has the stores that are open let go of what they keep of what was read.
+    pub fn free_caches(&self) {
+        self.routes.free_caches();
     }
 
     /// The indexes of a collection; of a view, how it is defined.
@@ -81,7 +101,7 @@ impl Memory {
     /// # Errors
     /// Where that is not possible at present.
     pub fn fold(&self) -> Result<(), StoreError> {
-        self.routes.stores()?.into_iter().try_for_each(Store::fold)
+        self.routes.stores_in_files()?.into_iter().try_for_each(Store::fold)
     }
 
     /// All collections of both stores, with those that rmem keeps for itself.
@@ -90,6 +110,22 @@ impl Memory {
     /// Where a store fails.
     pub fn all_collections(&self) -> Result<Vec<Namespace>, StoreError> {
         self.routes.collections()
+    }
+
+    /// The same without those that a server keeps: no server is asked.
+    ///
+    /// # Errors
+    /// Where a file cannot be read.
+    pub fn collections_in_files(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.routes.collections_in_files()
+    }
+
+    /// The collections of a database, with those that rmem keeps for itself; the store of other databases is not asked.
+    ///
+    /// # Errors
+    /// Where its store fails.
+    pub fn collections_of(&self, database: &str) -> Result<Vec<Namespace>, StoreError> {
+        self.routes.collections_of(database)
     }
 
     /// Whether a database is shared among robots.
@@ -150,10 +186,10 @@ impl Memory {
         self.routes.scoped(scope)?.release_changes(scope)
     }
 
-    /// The scopes whose changes are kept, of both stores.
+    /// The scopes whose changes are kept in files.
     ///
     /// # Errors
-    /// Where a store fails.
+    /// Where one cannot be read.
     pub fn kept_scopes(&self) -> Result<Vec<Scope>, StoreError> {
         self.routes.kept_scopes()
     }

@@ -110,14 +110,20 @@ impl<'m> Access<'m> {
     }
 
     pub(super) fn collections(self) -> Result<Vec<Namespace>, StoreError> {
+        Ok(self.seen(self.memory.all_collections()?))
+    }
+
+    /// The collections of a database.
+    pub(super) fn collections_of(self, database: &str) -> Result<Vec<Namespace>, StoreError> {
+        Ok(self.seen(self.memory.collections_of(database)?))
+    }
+
+    fn seen(self, mut all: Vec<Namespace>) -> Vec<Namespace> {
         match self.metadata {
-            Metadata::Own => {
-                let mut all = self.memory.all_collections()?;
-                all.retain(|ns| ns.collection != RECORDS);
-                Ok(all)
-            }
-            _ => self.memory.collections(),
+            Metadata::Own => all.retain(|ns| ns.collection != RECORDS),
+            _ => all.retain(|ns| !ns.is_own()),
         }
+        all
     }
 
     pub(super) fn drop(self, ns: &Namespace) -> Result<bool, StoreError> {

@@ -140,7 +140,7 @@ pub(super) fn is_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Resu
 /// Removes what is kept longer than any session lives.
 pub(super) fn sweep(memory: &Memory) -> Result<(), StoreError> {
     let before = DateTime::from_millis(DateTime::now().timestamp_millis() - KEPT);
-    for records in memory.all_collections()?.into_iter().filter(|ns| ns.collection == RECORDS) {
+    for records in memory.collections_in_files()?.into_iter().filter(|ns| ns.collection == RECORDS) {
         memory.bare(&records)?.delete(&records, (&doc! { "at": { "$lt": before } }).into(), false)?;
     }
     Ok(())

@@ -323,6 +323,9 @@ pub trait Store: Send {
         Ok(())
     }
 
+    /// Lets go of what it keeps of what was read in this process, to be read again.
+    fn free_cache(&self) {}
+
     /// How a view is defined (`viewOn`, `pipeline`); none where the name is that of a collection, or of nothing.
     fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
         let _ = ns;

@@ -181,7 +181,7 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     if from == to {
         return Err(Failure::new(codes::ILLEGAL, "Can't rename a collection to itself"));
     }
-    let all = memory.all_collections()?;
+    let all = memory.collections_of(&from.database)?;
     if !all.contains(&from) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("Source collection {from} does not exist")));
     }
@@ -196,7 +196,7 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     options::check("collMod", fields.document, OF_MODIFY)?;
-    if !memory.all_collections()?.contains(&ns) {
+    if !memory.collections_of(&ns.database)?.contains(&ns) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
     }
     let others = ["viewOn", "pipeline", "cappedSize", "cappedMax", "expireAfterSeconds", "timeseries"];
@@ -251,9 +251,7 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let filter = Filter::parse(&fields.document_or_empty("filter")?)?;
     let mut documents = Vec::new();
     let memory = host.memory()?;
-    let mut names = call.access(memory).collections()?;
-    names.retain(|ns| ns.database == database);
-    for ns in names {
+    for ns in call.access(memory).collections_of(&database)? {
         let listed = match memory.collection_or_view(&ns)? {
             Listed::Collection(indexes) => described(&ns, index::collation(&indexes).as_ref()),
             Listed::View(options) => {

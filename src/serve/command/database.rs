@@ -68,8 +68,7 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     if call.request.database == "admin" {
         return Err(Failure::new(codes::ILLEGAL, "Dropping the 'admin' database is prohibited."));
     }
-    let mut all = memory.all_collections()?;
-    all.retain(|ns| ns.database == call.request.database);
+    let all = memory.collections_of(&call.request.database)?;
     for ns in &all {
         call.access(memory).drop(ns)?;
     }

@@ -90,8 +90,7 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["scale", "freeStorage"])?;
     let (memory, scale) = (host.memory()?, scale(fields)?);
-    let mut all = call.access(memory).collections()?;
-    all.retain(|ns| ns.database == call.request.database);
+    let all = call.access(memory).collections_of(&call.request.database)?;
     let (mut sum, mut indexes, mut keys) = (Size::default(), 0, 0);
     let mut views = 0_i64;
     for ns in &all {

@@ -22,6 +22,8 @@ use crate::store::{
 
 /// MongoDB's code for a write that another one has overtaken.
 const WRITE_CONFLICT: i32 = 112;
+/// Pages that no statement uses are given back to the system.
+const FREE_CACHE: &str = "PRAGMA shrink_memory";
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -194,6 +196,11 @@ impl Store for Embedded {
         // A negative number is one of kibibytes.
         let kibibytes = to_i64(bytes / 1024);
         self.connection.pragma_update(None, "cache_size", -kibibytes).map_err(|e| self.explain(&e))
+    }
+
+    fn free_cache(&self) {
+        // What cannot be freed now is in use.
+        let _ = self.connection.execute_batch(FREE_CACHE);
     }
 
     fn number(&self, ns: &Namespace) -> Result<Option<i64>, StoreError> {
@@ -423,7 +430,7 @@ impl Embedded {
     pub(super) fn explain(&self, error: &rusqlite::Error) -> StoreError {
         if failure::is_damage(error) {
             // SQLite checks a page when it is read: a damaged one that stays in memory is not checked again.
-            let _ = self.connection.execute_batch("PRAGMA shrink_memory");
+            let _ = self.connection.execute_batch(FREE_CACHE);
         }
         failure::explain(&self.place, error)
     }

@@ -11,7 +11,7 @@ use libtest_mimic::Failed;
 use mongodb::sync::Client;
 
 use super::wire::{Wire, message, status};
-use super::{Case, Served};
+use super::{Case, Served, code};
 use crate::processes::until;
 
 pub(super) const CASES: &[(&str, Case)] = &[
@@ -21,6 +21,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("what_is_acknowledged_is_in_a_file_that_is_moved_and_the_server_ends", moved),
     ("a_server_whose_file_is_removed_ends_and_makes_no_other", removed),
     ("a_memory_that_is_gone_at_exit_is_served_to_all", in_memory),
+    ("a_robot_that_does_not_reach_its_team_is_served", alone),
     ("a_service_manager_opens_the_socket_and_is_told", systemd),
 ];
 
@@ -78,6 +79,22 @@ fn lock() -> Result<(), Failed> {
     served.kill()?;
     assert!(!rmem(folder.path(), &["doctor"])?.1.contains("served"));
     assert!(Served::start(folder.path(), &[]).is_ok());
+    Ok(())
+}
+
+fn alone() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let settings = "shared = \"mongodb://127.0.0.1:1/?serverSelectionTimeoutMS=100\"\nshared_databases = [\"team\"]\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let (served, stderr) = Served::start_heard(folder.path())?;
+    let client = served.client()?;
+    client.database("a").collection::<Document>("c").insert_one(doc! { "_id": 1 }).run()?;
+    assert_eq!(client.database("a").list_collection_names().run()?, ["c"]);
+    let refused = code(client.database("team").collection::<Document>("c").find_one(doc! {}).run());
+    assert_eq!(refused, Some(6));
+    assert_eq!(served.terminate()?, Some(0));
+    let said = std::io::read_to_string(stderr)?;
+    assert!(said.contains("the shared store (team): cannot reach mongodb://127.0.0.1:1"), "{said}");
     Ok(())
 }
 
