@@ -43,8 +43,9 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
 /// Other connections of the client may still read the cursors of this one.
 fn linger(mut host: Host<'_>) {
     while host.has_cursors() && !host.server.is_stopping() {
-        if let Some(message) = host.inbox.receive(EXPIRY_INTERVAL.min(Duration::from_secs(1))) {
-            host.handle(message);
+        match host.inbox.receive(EXPIRY_INTERVAL.min(Duration::from_secs(1))) {
+            Some(message) => host.handle(message),
+            None => host.rest(),
         }
         host.expire();
     }
@@ -104,6 +105,7 @@ impl Connection<'_> {
                         return Ok(false);
                     }
                     self.host.expire();
+                    self.host.rest();
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.into()),
@@ -121,6 +123,7 @@ impl Connection<'_> {
                 let wakeup = PollFd::new(self.host.inbox.wakeup(), PollFlags::IN);
                 let mut both = [stream, wakeup];
                 match poll(&mut both, limit.as_ref()) {
+                    Ok(0) => self.host.rest(),
                     Ok(_) => {
                         let mut has_come = both.iter().map(|one| !one.revents().is_empty());
                         received = has_come.next().unwrap_or(true);

@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::collections::{HashMap, HashSet};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -27,26 +28,28 @@ pub(super) const EXPIRY_INTERVAL: Duration = Duration::from_secs(10);
 /// How often a thread that waits for another looks whether its operation is to end.
 const STOP_INTERVAL: Duration = Duration::from_millis(200);
 
-/// How many bytes a connection keeps of what it has read; the system keeps the rest for all.
-const CACHE: usize = 2 << 20;
+/// How many bytes a connection keeps of what it has read, at most and at least; the system keeps the rest for all.
+const CACHE: RangeInclusive<usize> = 128 << 10..=2 << 20;
+/// How many bytes many connections keep together, about.
+const CACHES: usize = 128 << 20;
 
 /// A memory that is opened by its first use.
 pub(super) struct Lazy {
     server: Arc<Server>,
     memory: OnceCell<Memory>,
-    /// How much it keeps of what was read.
-    cache: Option<usize>,
+    /// Whether it is one of many, and keeps little of what was read.
+    is_one_of_many: bool,
 }
 
 impl Lazy {
     /// The memory of the writing thread.
     pub(super) fn new(server: &Arc<Server>) -> Self {
-        Self { server: Arc::clone(server), memory: OnceCell::new(), cache: None }
+        Self { server: Arc::clone(server), memory: OnceCell::new(), is_one_of_many: false }
     }
 
     /// The memory of one connection of many.
     pub(super) fn of_connection(server: &Arc<Server>) -> Self {
-        Self { cache: Some(CACHE), ..Self::new(server) }
+        Self { is_one_of_many: true, ..Self::new(server) }
     }
 
     /// The memory, where it was used.
@@ -57,8 +60,9 @@ impl Lazy {
     pub(super) fn get(&self) -> Result<&Memory, Failure> {
         if self.memory.get().is_none() {
             let memory = self.server.open()?;
-            if let Some(bytes) = self.cache {
-                memory.limit_caches(bytes)?;
+            if self.is_one_of_many {
+                let share = CACHES / self.server.connected().max(1);
+                memory.limit_caches(share.clamp(*CACHE.start(), *CACHE.end()))?;
             }
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.memory.set(memory);
@@ -92,6 +96,13 @@ impl<'m> Host<'m> {
 
     pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
         self.memory.get()
+    }
+
+    /// Lets go of what it keeps of what was read: nobody asks for anything now.
+    pub(super) fn rest(&self) {
+        if let Some(memory) = self.memory.opened() {
+            memory.free_caches();
+        }
     }
 
     pub(super) fn has_cursors(&self) -> bool {
