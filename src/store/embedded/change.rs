@@ -9,6 +9,7 @@ use super::answer::with_variables;
 use super::catalog::Collection;
 use super::change_log::Noted;
 use super::indexed::{Indexed, of_ids};
+use super::keys::Keys;
 use super::scan::Found;
 use super::slices::Selection;
 use super::{Embedded, body as stored, failure};
@@ -136,16 +137,20 @@ impl Embedded {
         if let Some(index) = of_ids(&self.indexes_of(collection)?) {
             return self.with_key_of(collection, index, document);
         }
-        let sql = format!("SELECT position, body FROM {} WHERE key = ?", collection.table());
+        let (keys, key) = (Keys::of_documents(collection), key::encode_value(id));
+        let sql = format!("SELECT position, body FROM {} WHERE key = ?", keys.table);
         let row = self
             .connection
             .prepare_cached(&sql)
             .and_then(|mut statement| {
                 let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?));
-                statement.query_row([key::encode_value(id)], row).optional()
+                statement.query_row([&key], row).optional()
             })
             .map_err(|e| self.explain(&e))?;
-        let Some((position, bytes)) = row else { return Ok(None) };
+        let Some((position, bytes)) = row else {
+            keys.check_around(&self.connection, &key).map_err(|e| self.explain(&e))?;
+            return Ok(None);
+        };
         Ok(Some(Found { position, body: self.opened(collection, &bytes)? }))
     }
 
@@ -157,21 +162,23 @@ impl Embedded {
         document: &Document,
     ) -> Result<Option<Found>, StoreError> {
         let entries = index.entries(&RawDocumentBuf::try_from(document).map_err(QueryError::from)?)?;
-        let documents = collection.table();
+        let (documents, keys) = (collection.table(), index.keys());
         let sql = format!(
-            "SELECT {0}.position, body FROM {0} LEFT JOIN {documents} ON {documents}.position = {0}.position \
+            "SELECT {0}.key, {0}.position, {1}, body FROM {0} LEFT JOIN {documents} ON {documents}.position = {0}.position \
              WHERE {0}.key = ? LIMIT 1",
-            index.table()
+            keys.table,
+            keys.proof(&keys.table)
         );
         for key in &entries.keys {
             let row = self.connection.prepare_cached(&sql).and_then(|mut statement| {
-                let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Vec<u8>>>(1)?));
+                let row = |row: &rusqlite::Row<'_>| Ok((Keys::position(row, 2)?, row.get::<_, Option<Vec<u8>>>(3)?));
                 statement.query_row([key], row).optional()
             });
             if let Some((position, bytes)) = row.map_err(|e| self.explain(&e))? {
                 let bytes = bytes.ok_or_else(|| self.explain(&failure::no_document()))?;
                 return Ok(Some(Found { position, body: self.opened(collection, &bytes)? }));
             }
+            keys.check_around(&self.connection, key).map_err(|e| self.explain(&e))?;
         }
         Ok(None)
     }

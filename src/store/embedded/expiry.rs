@@ -10,6 +10,7 @@ use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::indexed::Indexed;
+use super::keys::Keys;
 use super::scan::Found;
 use super::{Embedded, failure};
 use crate::query::index::{Candidate, Range, ways};
@@ -63,11 +64,16 @@ impl Embedded {
     /// The documents with the first keys of a range.
     fn first_of(&self, collection: Collection, index: &Indexed, range: &Range) -> Result<Vec<Found>, StoreError> {
         // A limit that is bound, and rows that are compared, would make SQLite prepare the statement anew each time.
-        let keys = format!("SELECT position FROM {} WHERE key >= ? AND key < ? LIMIT {AT_ONCE}", index.table());
+        let listed = index.keys();
+        let keys = format!(
+            "SELECT key, position, {} FROM {} WHERE key >= ? AND key < ? LIMIT {AT_ONCE}",
+            listed.seals(),
+            listed.table
+        );
         let body = format!("SELECT body FROM {} WHERE position = ?", collection.table());
         let read = || -> rusqlite::Result<Vec<(i64, Vec<u8>)>> {
             let mut statement = self.connection.prepare_cached(&keys)?;
-            let listed = statement.query_map(params![range.low, range.high], |row| row.get(0))?;
+            let listed = statement.query_map(params![range.low, range.high], |row| Keys::position(row, 2))?;
             let mut positions: Vec<i64> = Vec::new();
             for position in listed {
                 let position = position?;

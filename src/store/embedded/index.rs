@@ -81,6 +81,9 @@ impl Embedded {
                 let entries = index.entries(body)?;
                 if index.definition.unique {
                     self.check_unique(ns, index, body, &entries, position)?;
+                    let keys = index.keys();
+                    let check = |key: &Vec<u8>| keys.check_around(&self.connection, key);
+                    entries.keys.iter().try_for_each(check).map_err(|e| self.explain(&e))?;
                 }
                 Ok(entries)
             })

@@ -121,6 +121,18 @@ impl Keys {
         }
     }
 
+    /// Checks the entries on both sides of a key that was not found: one that damage has changed is among them.
+    ///
+    /// # Errors
+    /// Where one is damaged.
+    pub(super) fn check_around(&self, connection: &Connection, key: &[u8]) -> Result<()> {
+        if self.proof != Proof::None {
+            self.beside(connection, Beside::Below, key, &[])?;
+            self.beside(connection, Beside::From, key, &[])?;
+        }
+        Ok(())
+    }
+
     /// Checks the entry beside a key; returns how its own key compares with a bound, if there is an entry.
     fn beside(&self, connection: &Connection, beside: Beside, key: &[u8], bound: &[u8]) -> Result<Option<Ordering>> {
         let (condition, order) = match beside {
@@ -157,11 +169,11 @@ enum Beside {
 mod tests {
     use std::path::Path;
 
-    use bson::{Document, RawDocumentBuf, doc};
+    use bson::{DateTime, Document, RawDocumentBuf, doc};
 
     use super::*;
     use crate::store::embedded::Embedded;
-    use crate::store::{Find, Index, Namespace, Store as _};
+    use crate::store::{Find, Index, Namespace, Store as _, StoreError};
 
     const DOCUMENTS: i32 = 400;
 
@@ -222,28 +234,35 @@ mod tests {
         queries().into_iter().map(answer).collect()
     }
 
-    #[test]
-    fn a_changed_key_is_noticed_by_the_queries_that_it_changes() {
-        let folder = tempfile::tempdir().unwrap();
-        let (ns, whole) = memory(folder.path());
-        let path = folder.path().join("damaged.rmem");
-        let expected = answers(&Embedded::open(folder.path().join("whole.rmem")).unwrap(), &ns);
+    /// Copies of a file with one bit changed in a page of an index, each with the place of the bit.
+    fn changed(whole: &[u8]) -> impl Iterator<Item = (usize, Vec<u8>)> {
         let page = usize::from(u16::from_be_bytes([whole[16], whole[17]]));
         // Inner pages and leaves of the trees of indexes begin with 2 and 10.
         let pages: Vec<usize> = (1..whole.len() / page).map(|nth| nth * page).collect();
         let pages: Vec<usize> = pages.into_iter().filter(|at| matches!(whole[*at], 2 | 10)).collect();
-        let rounds = std::env::var("RMEM_TEST_CHANGED_KEYS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(60);
         let mut random = 88_172_645_463_325_252_u64;
-        let (mut refused, mut wrong) = (0, Vec::new());
-        for round in 0..rounds {
+        std::iter::repeat_with(move || {
             random ^= random << 13;
             random ^= random >> 7;
             random ^= random << 17;
             let draw = random as usize;
             let (begin, bit) = (pages[draw % pages.len()], draw >> 16 & 7);
             let at = begin + 12 + (draw >> 24) % (page - 12);
-            let mut damaged = whole.clone();
+            let mut damaged = whole.to_vec();
             damaged[at] ^= 1 << bit;
+            (at, damaged)
+        })
+    }
+
+    #[test]
+    fn a_changed_key_is_noticed_by_the_queries_that_it_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let (ns, whole) = memory(folder.path());
+        let path = folder.path().join("damaged.rmem");
+        let expected = answers(&Embedded::open(folder.path().join("whole.rmem")).unwrap(), &ns);
+        let rounds = std::env::var("RMEM_TEST_CHANGED_KEYS").ok().and_then(|rounds| rounds.parse().ok()).unwrap_or(60);
+        let (mut refused, mut wrong) = (0, Vec::new());
+        for (round, (at, damaged)) in changed(&whole).take(rounds).enumerate() {
             std::fs::write(&path, &damaged).unwrap();
             let Ok(store) = Embedded::open(&path) else { continue };
             let found = answers(&store, &ns);
@@ -251,7 +270,7 @@ mod tests {
             let (differ, errors) = (differ.count(), found.iter().filter(|found| found.is_none()).count());
             refused += usize::from(errors > 0);
             if differ > 0 {
-                wrong.push((round, at % page, whole[begin], differ, errors));
+                wrong.push((round, at, differ, errors));
             }
         }
         assert!(
@@ -259,6 +278,41 @@ mod tests {
             "{refused} of {rounds} refused, {} wrong: {wrong:?}",
             wrong.len()
         );
+    }
+
+    #[test]
+    fn a_changed_key_lets_no_second_one_into_a_unique_index() {
+        let folder = tempfile::tempdir().unwrap();
+        let (ns, whole) = memory(folder.path());
+        let path = folder.path().join("damaged.rmem");
+        let mut noticed = 0;
+        for (at, damaged) in changed(&whole).take(100) {
+            std::fs::write(&path, &damaged).unwrap();
+            let Ok(store) = Embedded::open(&path) else { continue };
+            for n in 0..DOCUMENTS {
+                let second = vec![doc! { "_id": "new", "serial": f64::from(n) * 1.25 }];
+                match store.insert(&ns, second) {
+                    Err(StoreError::Duplicate { .. }) => {}
+                    Err(_) => noticed += 1,
+                    Ok(_) => panic!("the bit at {at}: {n} is there twice"),
+                }
+            }
+        }
+        assert!(noticed > 0);
+    }
+
+    #[test]
+    fn a_changed_key_of_a_date_expires_nothing() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace::parse("a.b").unwrap();
+        store.create_index(&ns, &Index { expire_after: Some(0), ..Index::on(doc! { "until": 1 }) }).unwrap();
+        let date = |minutes: i64| DateTime::from_millis(DateTime::now().timestamp_millis() + minutes * 60_000);
+        store.insert(&ns, vec![doc! { "_id": 1, "until": date(60) }, doc! { "_id": 2, "until": date(90) }]).unwrap();
+        let over = crate::query::key::encode_value(&date(-60).into());
+        store.connection.execute("UPDATE entries_1 SET key = ? WHERE position = 1", [over]).unwrap();
+        let error = store.insert(&ns, vec![doc! { "_id": 3 }]).map(drop).unwrap_err();
+        assert!(error.to_string().contains("damaged"), "{error}");
+        assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 2);
     }
 
     #[test]
