@@ -1,9 +1,10 @@
 //! Which store a database is in, and opening it when it is needed.
 
 use std::cell::{Cell, OnceCell, RefCell};
+use std::sync::Arc;
 
 use crate::query::QueryError;
-use crate::store::{self, Embedded, HistoryRule, Name, Namespace, Role, Scope, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, HistoryRule, Name, Namespace, Role, Scope, Store, StoreError, StoreUri, Warn};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
@@ -17,11 +18,12 @@ pub(super) struct Lazy {
     keeping: Box<RefCell<Keeping>>,
 }
 
-/// What the store gets once it is open: the histories it keeps, and the author of its changes.
+/// What the store gets once it is open: the histories it keeps, the author of its changes, and who takes its warnings.
 #[derive(Default)]
 struct Keeping {
     histories: Vec<HistoryRule>,
     author: String,
+    warn: Option<Warn>,
 }
 
 impl Lazy {
@@ -58,11 +60,21 @@ impl Lazy {
         }
     }
 
+    fn warn_by(&self, warn: &Warn) {
+        self.keeping.borrow_mut().warn = Some(Arc::clone(warn));
+        if let Some(store) = self.store.get() {
+            store.warn_by(Arc::clone(warn));
+        }
+    }
+
     pub(super) fn get(&self) -> Result<&dyn Store, StoreError> {
         if let (None, Some(uri)) = (self.store.get(), &self.uri) {
             let opened = store::open(uri, self.role)?;
             opened.keep_history(&self.keeping.borrow().histories);
             opened.sign(&self.keeping.borrow().author);
+            if let Some(warn) = &self.keeping.borrow().warn {
+                opened.warn_by(Arc::clone(warn));
+            }
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.store.set(opened);
         }
@@ -139,6 +151,11 @@ impl Routes {
             lazy.keep_history(rules);
             lazy.sign(author);
         });
+    }
+
+    /// Gives the warnings of the stores to `warn`.
+    pub(super) fn warn_by(&self, warn: &Warn) {
+        [Some(&self.local), self.shared.as_ref()].into_iter().flatten().for_each(|lazy| lazy.warn_by(warn));
     }
 
     /// Returns the rules of histories in force for the store of a collection.
