@@ -112,7 +112,7 @@ fn the_oplog_of_a_dump_is_applied_on_request() {
           ]
         }
         ------- stderr -------
-        warning: a world file keeps neither indexes nor collations; left out: at_1 of robmem.places; -o FOLDER keeps them
+        warning: a world file keeps no indexes, collations and validators; left out: at_1 of robmem.places; -o FOLDER keeps them
         [exit code: 0]
         "#);
         assert_run!(lab.rmem(&["index", "robmem.places"]), @r#"
