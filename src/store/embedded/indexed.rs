@@ -9,7 +9,7 @@ use bson::RawDocument;
 
 use super::catalog::Collection;
 use super::keys::Keys;
-use super::validation::Validating;
+use super::validating::Validating;
 use crate::query::collation::during;
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Filter, QueryError};

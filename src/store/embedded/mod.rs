@@ -50,6 +50,7 @@ mod staged;
 mod statistics;
 mod transaction;
 mod unconstrained;
+mod validating;
 mod validation;
 mod verbs;
 mod watcher;

@@ -5,35 +5,18 @@
 
 use std::cell::Cell;
 
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::indexed::{Defined, of_ids};
+use super::validating::Validating;
 use super::{Embedded, body as stored, file};
-use crate::query::collation::during;
-use crate::query::{Collation, QueryError, Validator};
-use crate::store::{InvalidDocument, Namespace, StoreError, Validation, ValidationAction, ValidationLevel, metadata};
+use crate::query::{Collation, QueryError};
+use crate::store::{InvalidDocument, Namespace, StoreError, Validation};
 
 const TABLE: &str =
     "CREATE TABLE IF NOT EXISTS validators (collection INTEGER PRIMARY KEY, options BLOB NOT NULL) STRICT";
-
-/// Which documents a collection takes, ready for use.
-#[derive(Debug)]
-pub(super) struct Validating {
-    options: Validation,
-    /// None where nothing is looked at.
-    validator: Option<Validator>,
-    collation: Option<Collation>,
-}
-
-impl Validating {
-    fn new(options: Validation, collation: Option<&Collation>) -> Result<Self, QueryError> {
-        let validator = options.validator.as_ref().filter(|_| options.level != Some(ValidationLevel::Off));
-        let validator = during(collation, || validator.map(Validator::parse).transpose())?;
-        Ok(Self { options, validator, collation: collation.cloned() })
-    }
-}
 
 /// Documents are looked at again as before once this is dropped, also where a write panics.
 pub(super) struct Bypassing<'a>(&'a Cell<bool>, bool);
@@ -59,30 +42,13 @@ impl Embedded {
         body: &RawDocument,
         before: Option<&RawDocument>,
     ) -> Result<(), StoreError> {
-        let Some(Validating { options, validator: Some(validator), collation }) = &definition.validation else {
+        let Some(validating) = definition.validation.as_ref().filter(|_| !self.is_bypassing.get()) else {
             return Ok(());
         };
-        if self.is_bypassing.get() {
-            return Ok(());
-        }
-        let now = DateTime::now();
-        let passes = |body: &RawDocument| -> Result<bool, QueryError> {
-            let seen = metadata::hide(body.to_owned())?;
-            during(collation.as_ref(), || validator.passes(&seen, now))
-        };
-        if passes(body)? {
-            return Ok(());
-        }
-        if let (Some(ValidationLevel::Moderate), Some(before)) = (options.level, before)
-            && !passes(before)?
-        {
-            return Ok(());
-        }
-        let seen = Document::try_from(&*metadata::hide(body.to_owned())?).map_err(QueryError::from)?;
-        let details = during(collation.as_ref(), || validator.details(&seen));
+        let Some((seen, details)) = validating.failure(body, before)? else { return Ok(()) };
         let id = Some(seen.get("_id").cloned().unwrap_or(Bson::Null));
         let invalid = InvalidDocument { namespace: ns.clone(), id, details };
-        if options.action != Some(ValidationAction::Warn) {
+        if !validating.only_warns() {
             return Err(StoreError::Invalid(Box::new(invalid)));
         }
         if let Some(warn) = &*self.warn.borrow() {
@@ -179,8 +145,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Validation, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Find, Index, Store, UpdateRequest, UpdateSpec};
-    use bson::doc;
+    use crate::store::{Find, Index, Store, UpdateRequest, UpdateSpec, ValidationAction, ValidationLevel, metadata};
+    use bson::{DateTime, doc};
     use std::sync::{Arc, Mutex};
 
     fn ns() -> Namespace {
