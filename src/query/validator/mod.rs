@@ -123,6 +123,7 @@ mod tests {
         assert_eq!(code(doc! { "$and": [{ "$expr": { "$lt": [{ "$rand": {} }, 1] } }] }), NO_CHANCE);
         assert_eq!(code(doc! { "$sampleRate": 0.5 }), NO_CHANCE);
         assert_eq!(code(doc! { "$jsonSchema": { "foo": 1 } }), 9);
+        assert_eq!(code(doc! { "$jsonSchema": { "properties": { "a": { "type": "integer" } } } }), 9);
         Validator::parse(&doc! { "$expr": { "$eq": ["$a", { "$literal": { "$rand": {} } }] } }).unwrap();
     }
 
