@@ -164,6 +164,16 @@ fn without_a_request_the_oplog_is_left_out_with_a_warning() {
 }
 
 #[test]
+fn a_validator_that_came_during_the_dump_is_told_to_be_left_out() {
+    let create = doc! { "o": { "create": "checked", "validator": { "n": { "$gt": 0 } } } };
+    let lab =
+        dumped(&[entry("c", "robmem.$cmd", create), entry("i", "robmem.checked", doc! { "o": { "_id": 1, "n": 1 } })]);
+    let run = lab.rmem(&["restore", "dump", "--oplog-replay"]);
+    assert!(run.code == 0 && run.stderr.contains("warning: robmem.checked: its validator is not set"), "{run}");
+    assert_eq!(lab.rmem(&["count", "robmem.checked"]).success(), "1\n");
+}
+
+#[test]
 fn a_collection_that_is_called_oplog_is_one() {
     let lab = Lab::new();
     lab.rmem(&["insert", "robmem.oplog", "{_id: 1}"]).success();
