@@ -115,8 +115,10 @@ pub struct InvalidDocument {
     pub namespace: Namespace,
     /// The `_id` of the document; none where a server does not say it.
     pub id: Option<Bson>,
-    /// Why it does not pass, as MongoDB has it in `errInfo.details`.
+    /// Why it does not pass, as MongoDB has it in `errInfo.details`; empty where that is too large, or not known.
     pub details: Document,
+    /// Whether values are left out there.
+    pub is_truncated: bool,
 }
 
 impl InvalidDocument {
@@ -127,7 +129,17 @@ impl InvalidDocument {
         if let Some(id) = &self.id {
             info.insert("failingDocumentId", id.clone());
         }
-        info.insert("details", self.details.clone());
+        match (self.details.is_empty(), self.is_truncated) {
+            (true, true) => drop(info.insert("note", "detailed error was too large")),
+            // A server did not say it.
+            (true, false) => {}
+            (false, is_truncated) => {
+                if is_truncated {
+                    info.insert("truncated", true);
+                }
+                info.insert("details", self.details.clone());
+            }
+        }
         info
     }
 }
@@ -239,9 +251,9 @@ mod tests {
     }
 
     fn told(validator: Document, document: Document) -> String {
-        let details = Validator::parse(&validator).unwrap().details(&document);
+        let (details, is_truncated) = Validator::parse(&validator).unwrap().details(&document);
         let namespace = Namespace::parse("a.b").unwrap();
-        InvalidDocument { namespace, id: document.get("_id").cloned(), details }.to_string()
+        InvalidDocument { namespace, id: document.get("_id").cloned(), details, is_truncated }.to_string()
     }
 
     #[test]

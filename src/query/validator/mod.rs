@@ -9,13 +9,15 @@ mod leaf;
 mod rule;
 mod schema;
 
-use bson::{Bson, DateTime, Document, RawDocument, doc};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::error::{QueryError, Result};
 use super::filter::Filter;
 
 /// MongoDB's code for a program in a validator.
 const NO_FUNCTION: i32 = 4_660_800;
+/// The most bytes of an explanation.
+const MAX_SIZE: usize = 12 << 20;
 /// MongoDB's code for chance in a validator.
 const NO_CHANCE: i32 = 3_040_500;
 
@@ -47,12 +49,46 @@ impl Validator {
         }
     }
 
-    /// Returns why a document does not pass, as MongoDB has it in `errInfo.details`.
+    /// Returns why a document does not pass, as MongoDB has it in `errInfo.details`, and whether values are left out there,
+    /// which would make it too large; nothing where it is too large without them.
     #[must_use]
-    pub fn details(&self, document: &Document) -> Document {
+    pub fn details(&self, document: &Document) -> (Document, bool) {
         let explained = clause::explain_filter(&self.specified, document, false);
-        explained.unwrap_or_else(|| doc! { "specifiedAs": self.specified.clone() })
+        let details = explained.unwrap_or_else(|| doc! { "specifiedAs": self.specified.clone() });
+        if size(&details) <= MAX_SIZE {
+            return (details, false);
+        }
+        let details = without_values(details);
+        (if size(&details) <= MAX_SIZE { details } else { Document::new() }, true)
     }
+}
+
+fn size(details: &Document) -> usize {
+    RawDocumentBuf::try_from(details).map_or(usize::MAX, |raw| raw.as_bytes().len())
+}
+
+/// Details without what is specified and the values that were considered, as MongoDB shortens them.
+fn without_values(details: Document) -> Document {
+    let keeps = ["additionalProperties", "additionalItems"].iter().any(|name| details.contains_key(*name));
+    let is_kept = |name: &str| match name {
+        "consideredValue" | "consideredValues" | "consideredValuesTruncated" => false,
+        "specifiedAs" => keeps,
+        _ => true,
+    };
+    let shortened = |value: Bson| match value {
+        Bson::Document(inner) => without_values(inner).into(),
+        Bson::Array(items) => {
+            let shortened = |item| match item {
+                Bson::Document(inner) => without_values(inner).into(),
+                item => item,
+            };
+            items.into_iter().map(shortened).collect::<Vec<Bson>>().into()
+        }
+        value => value,
+    };
+    let own = |name: &str| matches!(name, "specifiedAs" | "expressionResult" | "duplicatedValue" | "additionalItems");
+    let kept = details.into_iter().filter(|(name, _)| is_kept(name));
+    kept.map(|(name, value)| if own(&name) { (name, value) } else { (name.clone(), shortened(value)) }).collect()
 }
 
 /// Refuses what no validator may have in its expressions; what else is refused, the parser refuses.
@@ -102,13 +138,36 @@ fn chance(name: &str) -> QueryError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bson::RawDocumentBuf;
 
     fn details(validator: &Document, document: &Document) -> Document {
         let validator = Validator::parse(validator).unwrap();
         let raw = RawDocumentBuf::try_from(document).unwrap();
         assert!(!validator.passes(&raw, DateTime::now()).unwrap(), "{document}");
-        validator.details(document)
+        validator.details(document).0
+    }
+
+    #[test]
+    fn what_would_be_too_large_is_told_without_values() {
+        let schema = doc! { "properties": { "a": { "maxLength": 1, "pattern": "y" } }, "additionalProperties": false };
+        let found = details(&doc! { "$jsonSchema": schema }, &doc! { "_id": 1, "a": "x".repeat(7 << 20) });
+        let rule = |name: &str, reason: &str| doc! { "operatorName": name, "reason": reason };
+        let rules = [
+            rule("pattern", "regular expression did not match"),
+            rule("maxLength", "specified string length was not satisfied"),
+        ];
+        let others = doc! {
+            "operatorName": "additionalProperties", "specifiedAs": { "additionalProperties": false },
+            "additionalProperties": ["_id"],
+        };
+        let named = doc! { "propertyName": "a", "details": rules.to_vec() };
+        let expected = doc! {
+            "operatorName": "$jsonSchema",
+            "schemaRulesNotSatisfied": [{ "operatorName": "properties", "propertiesNotSatisfied": [named] }, others],
+        };
+        assert_eq!(found, expected);
+        let unique = doc! { "$jsonSchema": { "properties": { "a": { "uniqueItems": true } } } };
+        let text = "x".repeat(13 << 20);
+        assert_eq!(details(&unique, &doc! { "a": [&text, &text] }), doc! {});
     }
 
     #[test]

@@ -26,13 +26,13 @@ impl Validating {
         Ok(Self { options, validator, collation: collation.cloned() })
     }
 
-    /// Why a document does not pass, with the document as applications see it; none where it does. `before` is what it takes
+    /// Why a document does not pass ([`Validator::details`]), behind the document as applications see it; none where it does. `before` is what it takes
     /// the place of.
     pub(super) fn failure(
         &self,
         body: &RawDocument,
         before: Option<&RawDocument>,
-    ) -> Result<Option<(Document, Document)>, QueryError> {
+    ) -> Result<Option<(Document, (Document, bool))>, QueryError> {
         let Some(validator) = &self.validator else { return Ok(None) };
         let now = DateTime::now();
         let passes = |body: &RawDocument| -> Result<bool, QueryError> {

@@ -45,9 +45,9 @@ impl Embedded {
         let Some(validating) = definition.validation.as_ref().filter(|_| !self.is_bypassing.get()) else {
             return Ok(());
         };
-        let Some((seen, details)) = validating.failure(body, before)? else { return Ok(()) };
+        let Some((seen, (details, is_truncated))) = validating.failure(body, before)? else { return Ok(()) };
         let id = Some(seen.get("_id").cloned().unwrap_or(Bson::Null));
-        let invalid = InvalidDocument { namespace: ns.clone(), id, details };
+        let invalid = InvalidDocument { namespace: ns.clone(), id, details, is_truncated };
         if !validating.only_warns() {
             return Err(StoreError::Invalid(Box::new(invalid)));
         }

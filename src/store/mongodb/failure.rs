@@ -120,7 +120,8 @@ pub(super) fn invalid(ns: &Namespace, error: &Error) -> Option<StoreError> {
         let info = details.or_else(response).unwrap_or_default();
         let details = info.get_document("details").cloned().unwrap_or_default();
         let id = info.get("failingDocumentId").cloned();
-        StoreError::Invalid(Box::new(InvalidDocument { namespace: ns.clone(), id, details }))
+        let is_truncated = info.get_bool("truncated").unwrap_or(false) || info.contains_key("note");
+        StoreError::Invalid(Box::new(InvalidDocument { namespace: ns.clone(), id, details, is_truncated }))
     })
 }
 

@@ -9,6 +9,7 @@ use super::{Beside, Case, Served, TIMEOUT, code};
 pub(super) const CASES: &[(&str, Case)] = &[
     ("validators_hold_in_transactions_and_for_writes_that_are_sent_again", in_transactions),
     ("a_document_that_is_stored_with_a_warning_is_logged", warned),
+    ("an_answer_about_many_documents_that_validators_refuse_can_be_sent", many),
 ];
 
 /// What is compared with the answers of a mongod.
@@ -215,6 +216,11 @@ fn refusals() -> Vec<(Document, Vec<Document>)> {
             vec![doc! {}, doc! { "a": 1, "b": 1 }],
         ),
         (schema(doc! { "bsonType": "array" }), vec![doc! {}]),
+        // What would be too large is shortened.
+        (
+            schema(doc! { "title": "T", "properties": { "a": { "maxLength": 1, "pattern": "y", "title": "t" } } }),
+            vec![doc! { "a": "x".repeat(7 << 20) }],
+        ),
         (doc! { "$nor": [schema(doc! { "required": ["a"] })] }, vec![doc! { "a": 1 }]),
     ]
 }
@@ -313,6 +319,20 @@ fn in_transactions() -> Result<(), Failed> {
     things.insert_one(doc! { "_id": 4 }).bypass_document_validation(true).session(&mut session).run()?;
     session.commit_transaction().run()?;
     assert_eq!(things.count_documents(doc! {}).run()?, 2);
+    Ok(())
+}
+
+fn many() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    let parts: Vec<Document> = (0..50).map(|n| doc! { "text": n }).collect();
+    run(&mut wire, &doc! { "create": "c", "validator": { "$and": parts } })?;
+    let documents: Vec<Document> = (0..300).map(|n| doc! { "_id": n, "text": "x".repeat(4_000) }).collect();
+    let answer = run(&mut wire, &doc! { "insert": "c", "documents": documents, "ordered": false })?;
+    let errors: Vec<&Document> = answer.get_array("writeErrors")?.iter().filter_map(Bson::as_document).collect();
+    let has = |nth: usize, name: &str| errors[nth].get_document("errInfo").is_ok_and(|info| info.contains_key(name));
+    assert!(errors.len() == 300 && has(0, "details") && has(299, "note") && has(299, "failingDocumentId"));
     Ok(())
 }
 
