@@ -1,10 +1,10 @@
 //! A validator as a store uses it.
 
-use bson::{DateTime, Document, RawDocument};
+use bson::{Bson, DateTime, Document, RawDocument};
 
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError, Validator};
-use crate::store::{Validation, ValidationAction, ValidationLevel, metadata};
+use crate::store::{InvalidDocument, Namespace, Validation, ValidationAction, ValidationLevel, metadata};
 
 /// Which documents a collection takes, ready for use.
 #[derive(Debug)]
@@ -26,13 +26,13 @@ impl Validating {
         Ok(Self { options, validator, collation: collation.cloned() })
     }
 
-    /// Why a document does not pass ([`Validator::details`]), behind the document as applications see it; none where it does. `before` is what it takes
-    /// the place of.
+    /// A document that does not pass, and why; none where it does. `before` is what it takes the place of.
     pub(super) fn failure(
         &self,
+        ns: &Namespace,
         body: &RawDocument,
         before: Option<&RawDocument>,
-    ) -> Result<Option<(Document, (Document, bool))>, QueryError> {
+    ) -> Result<Option<InvalidDocument>, QueryError> {
         let Some(validator) = &self.validator else { return Ok(None) };
         let now = DateTime::now();
         let passes = |body: &RawDocument| -> Result<bool, QueryError> {
@@ -48,8 +48,9 @@ impl Validating {
             return Ok(None);
         }
         let seen = Document::try_from(&*metadata::hide(body.to_owned())?)?;
-        let details = during(self.collation.as_ref(), || validator.details(&seen));
-        Ok(Some((seen, details)))
+        let (details, is_truncated) = during(self.collation.as_ref(), || validator.details(&seen));
+        let id = Some(seen.get("_id").cloned().unwrap_or(Bson::Null));
+        Ok(Some(InvalidDocument { namespace: ns.clone(), id, details, is_truncated }))
     }
 
     /// Whether a document that does not pass is stored.

@@ -5,7 +5,7 @@
 
 use std::cell::Cell;
 
-use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
@@ -13,7 +13,7 @@ use super::indexed::{Defined, of_ids};
 use super::validating::Validating;
 use super::{Embedded, body as stored, file};
 use crate::query::{Collation, QueryError};
-use crate::store::{InvalidDocument, Namespace, StoreError, Validation};
+use crate::store::{Namespace, StoreError, Validation};
 
 const TABLE: &str =
     "CREATE TABLE IF NOT EXISTS validators (collection INTEGER PRIMARY KEY, options BLOB NOT NULL) STRICT";
@@ -45,9 +45,7 @@ impl Embedded {
         let Some(validating) = definition.validation.as_ref().filter(|_| !self.is_bypassing.get()) else {
             return Ok(());
         };
-        let Some((seen, (details, is_truncated))) = validating.failure(body, before)? else { return Ok(()) };
-        let id = Some(seen.get("_id").cloned().unwrap_or(Bson::Null));
-        let invalid = InvalidDocument { namespace: ns.clone(), id, details, is_truncated };
+        let Some(invalid) = validating.failure(ns, body, before)? else { return Ok(()) };
         if !validating.only_warns() {
             return Err(StoreError::Invalid(Box::new(invalid)));
         }
@@ -146,7 +144,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Validation, String> {
 mod tests {
     use super::*;
     use crate::store::{Find, Index, Store, UpdateRequest, UpdateSpec, ValidationAction, ValidationLevel, metadata};
-    use bson::{DateTime, doc};
+    use bson::{Bson, DateTime, doc};
     use std::sync::{Arc, Mutex};
 
     fn ns() -> Namespace {
