@@ -16,7 +16,7 @@ pub enum Exit {
     BadInput,
     /// A store is unreachable or failed; a file cannot be written.
     Store,
-    /// A unique key or a lock is taken.
+    /// A unique key or a lock is taken, or a collection does not take a document.
     Conflict,
     /// It is proven that no plan exists.
     Unsolvable,
@@ -45,7 +45,7 @@ pub const TABLE: [(Exit, &str); 14] = [
     (Exit::Usage, "usage"),
     (Exit::BadInput, "bad input: document, query, template, PDDL, CLIPS, world file, answer of a computable"),
     (Exit::Store, "store unreachable or failed; the program of a computable failed, or took too long"),
-    (Exit::Conflict, "conflict: unique key, lock"),
+    (Exit::Conflict, "conflict: unique key, validator, lock"),
     (Exit::Unsolvable, "proven: no plan exists"),
     (Exit::GaveUp, "the planner gave up without proof"),
     (Exit::OutOfMemory, "out of memory limit"),

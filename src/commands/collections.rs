@@ -12,7 +12,7 @@ use crate::formats::shell;
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem collections", arg = formats::argument(&formats::TEXT))]
 pub struct CollectionsArgs {
-    /// Print the options of each collection, too: its collation
+    /// Print the options of each collection, too: its validator and its collation
     #[arg(long)]
     pub options: bool,
 }
@@ -27,8 +27,10 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
     }
     let mut described = Vec::with_capacity(names.len());
     for name in names {
-        let collation = memory.collation(&name)?.map(|collation| doc! { "collation": collation.definition().clone() });
-        let options = collation.unwrap_or_default();
+        let mut options = memory.validation(&name)?.unwrap_or_default().options();
+        if let Some(collation) = memory.collation(&name)? {
+            options.insert("collation", collation.definition().clone());
+        }
         let line = format!("{name} {}", shell::relaxed(&options));
         described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));
     }

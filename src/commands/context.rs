@@ -6,6 +6,7 @@ use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use crate::error::{Context as _, Result};
@@ -19,7 +20,7 @@ use crate::output::amount;
 use crate::planner;
 use crate::process::{Host, Listener, search};
 use crate::settings::{Environment, Origin, Settings};
-use crate::store::StoreUri;
+use crate::store::{StoreUri, Warn};
 
 /// The name of stdin in messages.
 pub(super) const STDIN: &str = "<stdin>";
@@ -42,8 +43,8 @@ pub struct Context<'a> {
     pub(super) terminal: bool,
     pub(super) columns: Option<usize>,
     operations: Rc<RefCell<Vec<Operation>>>,
-    /// What a memory warned of.
-    warnings: Rc<RefCell<Vec<String>>>,
+    /// What a memory warned of, in whichever thread.
+    warnings: Arc<Mutex<Vec<String>>>,
 }
 
 impl<'a> Context<'a> {
@@ -70,7 +71,7 @@ impl<'a> Context<'a> {
             terminal,
             columns,
             operations: Rc::default(),
-            warnings: Rc::default(),
+            warnings: Arc::default(),
         }
     }
 
@@ -92,9 +93,9 @@ impl<'a> Context<'a> {
     /// # Errors
     /// As [`Context::memory`].
     pub fn memory_to_fill(&mut self) -> Result<Memory> {
-        let warnings = Rc::clone(&self.warnings);
+        let warnings = Arc::clone(&self.warnings);
         let memory = self.opening().open(self.observer())?;
-        let memory = memory.with_warnings(Rc::new(move |warning| warnings.borrow_mut().push(warning.to_owned())));
+        let memory = memory.with_warnings(Rc::new(move |warning| push(&warnings, warning)));
         for path in self.settings.load.clone() {
             let start = Instant::now();
             let (name, world) = self.world(&path)?;
@@ -126,10 +127,12 @@ impl<'a> Context<'a> {
             .then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
     }
 
-    /// Prints and logs the operations that were observed since the last call.
+    /// Prints and logs the warnings that a memory gave, and the operations that were observed, since the last call.
     pub fn report_operations(&mut self) {
-        for warning in self.warnings.take() {
+        let warnings = std::mem::take(&mut *self.warnings.lock().unwrap_or_else(PoisonError::into_inner));
+        for warning in warnings {
             self.output.warn(&warning);
+            self.output.log_warning(&warning);
         }
         for operation in self.operations.take() {
             let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
@@ -141,7 +144,8 @@ impl<'a> Context<'a> {
     /// Returns what is needed to open the memory in another thread, without the world files of `--load`.
     #[must_use]
     pub fn opening(&self) -> Opening {
-        Opening { settings: self.settings.clone(), author: self.author.clone(), host: self.host() }
+        let (settings, author) = (self.settings.clone(), self.author.clone());
+        Opening { settings, author, host: self.host(), warnings: Arc::clone(&self.warnings) }
     }
 
     /// Reads a line of stdin with its end; `None` at the end of the input.
@@ -237,6 +241,21 @@ pub struct Opening {
     settings: Settings,
     author: String,
     host: Host<'static>,
+    /// Where the warnings of stores go.
+    warnings: Arc<Mutex<Vec<String>>>,
+}
+
+/// The most warnings that wait: those of a long command are too many to be read.
+const MOST_WARNINGS: usize = 1_000;
+
+/// Keeps a warning until it is printed.
+fn push(warnings: &Mutex<Vec<String>>, warning: &str) {
+    let mut warnings = warnings.lock().unwrap_or_else(PoisonError::into_inner);
+    match warnings.len() {
+        MOST_WARNINGS.. => {}
+        count if count + 1 == MOST_WARNINGS => warnings.push("further warnings are left out".to_owned()),
+        _ => warnings.push(warning.to_owned()),
+    }
 }
 
 impl Opening {
@@ -248,6 +267,9 @@ impl Opening {
         let registry = Registry::new(self.settings.computables.clone(), &self.host)?;
         let memory = open(&self.settings)?.with_computables(registry);
         let memory = memory.with_history(&self.settings.histories.value, &self.author);
+        let warnings = Arc::clone(&self.warnings);
+        let warn: Warn = Arc::new(move |warning| push(&warnings, warning));
+        let memory = memory.warning_by(&warn);
         Ok(match observer {
             Some(observer) => memory.with_observer(observer),
             None => memory,

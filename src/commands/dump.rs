@@ -80,7 +80,7 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
             Err(WorldDumpError::Write(error)) => Err(error.into()),
             written => Ok(written?),
         })?;
-        warn_of_indexes(&memory, &namespaces, context)?;
+        warn_of_definitions(&memory, &namespaces, context)?;
         return Ok(Exit::Done);
     }
     let dump = if args.archive { write::write_archive } else { write::write_folder };
@@ -90,8 +90,8 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Says which indexes and collations a world file has no place for.
-fn warn_of_indexes(memory: &Memory, namespaces: &[Namespace], context: &mut Context<'_>) -> Result<()> {
+/// Says which indexes and options a world file has no place for.
+fn warn_of_definitions(memory: &Memory, namespaces: &[Namespace], context: &mut Context<'_>) -> Result<()> {
     let mut left_out = Vec::new();
     for namespace in namespaces {
         let made = memory.indexes(namespace)?;
@@ -100,11 +100,14 @@ fn warn_of_indexes(memory: &Memory, namespaces: &[Namespace], context: &mut Cont
         if index::collation(&made).is_some() {
             left_out.push(format!("the collation of {namespace}"));
         }
+        if memory.validation(namespace)?.is_some() {
+            left_out.push(format!("the validator of {namespace}"));
+        }
     }
     if !left_out.is_empty() {
         let list = left_out.join(", ");
         context.output.warn(&format!(
-            "a world file keeps neither indexes nor collations; left out: {list}; -o FOLDER keeps them"
+            "a world file keeps no indexes, collations and validators; left out: {list}; -o FOLDER keeps them"
         ));
     }
     Ok(())

@@ -335,9 +335,10 @@ impl<'a> Batch<'a> {
             let place = places.get(nth).map(|(name, at)| Location { name, at: *at, documents });
             match (&error, place) {
                 (StoreError::Duplicate { .. }, Some(place)) => taken(error, &place, memory),
-                (StoreError::Query(_) | StoreError::Stopped { document: Some(_), .. }, Some(place))
-                    if error.fault() == Fault::Input && place.name != ONLY_ARGUMENT =>
-                {
+                (
+                    StoreError::Query(_) | StoreError::Invalid(_) | StoreError::Stopped { document: Some(_), .. },
+                    Some(place),
+                ) if (error.fault() == Fault::Input || error.invalid().is_some()) && place.name != ONLY_ARGUMENT => {
                     refused(error, &place)
                 }
                 _ => blame(counted(error, before), &[]),

@@ -86,7 +86,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     let uris: Vec<String> = listeners.iter().map(uri).collect();
     let threads = start(listeners, running.server())?;
     announce(args, &uris, &mut locks, context)?;
-    let ended = wait(guard.interrupted(), running.server());
+    let ended = wait(guard.interrupted(), running.server(), context);
     systemd::notify(notify_socket(context).as_deref(), "STOPPING=1");
     running.stop();
     for thread in threads {
@@ -267,9 +267,10 @@ fn notify_socket(context: &Context<'_>) -> Option<String> {
 }
 
 /// Waits until the server is to end; an error where a file is not there any more.
-fn wait(interrupted: &AtomicBool, server: &Server) -> Result<()> {
+fn wait(interrupted: &AtomicBool, server: &Server, context: &mut Context<'_>) -> Result<()> {
     while !interrupted.load(Ordering::Relaxed) {
         std::thread::sleep(POLL_INTERVAL);
+        context.report_operations();
         server.check_files()?;
     }
     Ok(())

@@ -16,7 +16,7 @@ use crate::query::QueryError;
 use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, Documents, Find, Inserted, Namespace, Put, Query, Role, Store, StoreError, StoreUri, UpdateRequest,
-    Updated, Values, metadata,
+    Updated, Values, Warn, metadata,
 };
 
 /// A local store and, perhaps, another one for shared databases.
@@ -415,6 +415,14 @@ impl Memory {
     #[must_use]
     pub fn with_warnings(self, warnings: computables::Warnings) -> Self {
         self.computables.set_warnings(warnings);
+        self
+    }
+
+    /// The same memory, whose stores give their warnings to `warn`: a document was stored though it does not pass the
+    /// validator of its collection.
+    #[must_use]
+    pub fn warning_by(self, warn: &Warn) -> Self {
+        self.routes.warn_by(warn);
         self
     }
 

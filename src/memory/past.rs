@@ -16,7 +16,7 @@ use crate::calendar::day_and_time;
 use crate::query::{Collation, QueryError};
 use crate::store::{
     Aggregation, Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError,
-    UpdateRequest, Updated, Values, index,
+    UpdateRequest, Updated, Validation, Values, index,
 };
 
 /// How many documents are decoded at once.
@@ -178,6 +178,19 @@ impl Store for Past {
 
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
         Store::create(self.with(ns)?, ns, collation)
+    }
+
+    fn validation(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
+        self.source.reading(ns)?.validation(ns)
+    }
+
+    fn set_validation(&self, _: &Namespace, _: &Validation) -> Result<(), StoreError> {
+        self.refuse()
+    }
+
+    fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        // The copy takes every document.
+        work()
     }
 
     fn describe(&self) -> String {

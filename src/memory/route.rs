@@ -1,9 +1,10 @@
 //! Which store a database is in, and opening it when it is needed.
 
 use std::cell::{Cell, OnceCell, RefCell};
+use std::sync::Arc;
 
 use crate::query::QueryError;
-use crate::store::{self, Embedded, HistoryRule, Name, Namespace, Role, Scope, Store, StoreError, StoreUri};
+use crate::store::{self, Embedded, HistoryRule, Name, Namespace, Role, Scope, Store, StoreError, StoreUri, Warn};
 
 /// A store that is opened by its first use.
 pub(super) struct Lazy {
@@ -17,13 +18,14 @@ pub(super) struct Lazy {
     keeping: Box<RefCell<Keeping>>,
 }
 
-/// What the store gets once it is open: the histories it keeps, the author of its changes, and how much it may keep of what
-/// was read.
+/// What the store gets once it is open: the histories it keeps, the author of its changes, who takes its warnings, and how much
+/// it may keep of what was read.
 #[derive(Default)]
 struct Keeping {
     histories: Vec<HistoryRule>,
     author: String,
     cache: Option<usize>,
+    warn: Option<Warn>,
 }
 
 impl Lazy {
@@ -60,6 +62,13 @@ impl Lazy {
         }
     }
 
+    fn warn_by(&self, warn: &Warn) {
+        self.keeping.borrow_mut().warn = Some(Arc::clone(warn));
+        if let Some(store) = self.store.get() {
+            store.warn_by(Arc::clone(warn));
+        }
+    }
+
     fn limit_cache(&self, bytes: usize) -> Result<(), StoreError> {
         self.keeping.borrow_mut().cache = Some(bytes);
         self.store.get().map_or(Ok(()), |store| store.limit_cache(bytes))
@@ -76,6 +85,9 @@ impl Lazy {
             let keeping = self.keeping.borrow();
             opened.keep_history(&keeping.histories);
             opened.sign(&keeping.author);
+            if let Some(warn) = &keeping.warn {
+                opened.warn_by(Arc::clone(warn));
+            }
             keeping.cache.map_or(Ok(()), |bytes| opened.limit_cache(bytes))?;
             drop(keeping);
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
@@ -153,6 +165,11 @@ impl Routes {
             lazy.keep_history(rules);
             lazy.sign(author);
         });
+    }
+
+    /// Gives the warnings of the stores to `warn`.
+    pub(super) fn warn_by(&self, warn: &Warn) {
+        self.both().for_each(|lazy| lazy.warn_by(warn));
     }
 
     /// Returns the rules of histories in force for the store of a collection.

@@ -6,7 +6,7 @@ use bson::{DateTime, Document};
 
 use super::Memory;
 use crate::query::Collation;
-use crate::store::{ChangePage, Index, Kept, Namespace, Scope, Since, Store, StoreError, index};
+use crate::store::{ChangePage, Index, Kept, Namespace, Scope, Since, Store, StoreError, Validation, index};
 
 /// MongoDB's code for what a view has not.
 const NOT_ON_VIEW: i32 = 166;
@@ -148,6 +148,50 @@ impl Memory {
     /// Where the store fails.
     pub fn collation(&self, ns: &Namespace) -> Result<Option<Collation>, StoreError> {
         Ok(index::collation(&self.routes.reading(ns)?.indexes(ns)?))
+    }
+
+    /// What a collection says of the documents that it takes; see [`Store::validation`].
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn validation(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
+        self.routes.reading(ns)?.validation(ns)
+    }
+
+    /// Sets what a collection says of the documents that it takes; see [`Store::set_validation`].
+    ///
+    /// # Errors
+    /// Where the validator is none, there is no such collection, or the store fails.
+    pub fn set_validation(&self, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
+        let work = || self.routes.of(ns)?.set_validation(ns, validation);
+        self.journal.note("set validator", Some(ns), |()| 1, work)
+    }
+
+    /// Makes an empty collection that takes certain documents; see [`Store::create_validating`].
+    ///
+    /// # Errors
+    /// Where the validator is none, or the store fails.
+    pub fn create_validating(
+        &self,
+        ns: &Namespace,
+        collation: Option<&Collation>,
+        validation: &Validation,
+    ) -> Result<bool, StoreError> {
+        let work = || self.routes.of(ns)?.create_validating(ns, collation, validation);
+        self.journal.note("create", Some(ns), |made| u64::from(*made), work)
+    }
+
+    /// Runs writes to the store that a collection is in also where documents do not pass its validator; see
+    /// [`Store::unvalidated`].
+    ///
+    /// # Errors
+    /// What `work` fails with.
+    pub fn unvalidated(
+        &self,
+        ns: &Namespace,
+        work: &mut dyn FnMut() -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        self.store(ns)?.unvalidated(work)
     }
 
     /// Runs operations on the store that a collection is in as one write; see [`Store::atomically`].

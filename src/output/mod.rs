@@ -231,10 +231,18 @@ impl<'a> Output<'a> {
             let gap = if subject.is_empty() { "" } else { " " };
             self.print("", &format!("{name}{gap}{subject}: {detail} in {milliseconds:.2} ms"));
         }
+        self.log(&serde_json::json!({
+            "operation": name, "subject": subject, "detail": detail, "milliseconds": milliseconds,
+        }));
+    }
+
+    /// Logs what a memory warned of.
+    pub fn log_warning(&mut self, text: &str) {
+        self.log(&serde_json::json!({ "warning": text }));
+    }
+
+    fn log(&mut self, line: &serde_json::Value) {
         if let Some(log) = &mut self.log {
-            let line = serde_json::json!({
-                "operation": name, "subject": subject, "detail": detail, "milliseconds": milliseconds,
-            });
             // A log that cannot be written must not fail the command; it is reported once.
             if let Err(error) = writeln!(log, "{line}") {
                 self.log = None;

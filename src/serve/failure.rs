@@ -38,6 +38,7 @@ pub(super) mod codes {
     pub(in crate::serve) const WRITE_CONFLICT: i32 = 112;
     pub(in crate::serve) const NOT_SUPPORTED: i32 = 115;
     pub(in crate::serve) const CONFLICT: i32 = 117;
+    pub(in crate::serve) const INVALID_DOCUMENT: i32 = 121;
     pub(in crate::serve) const COMMAND_FAILED: i32 = 125;
     pub(in crate::serve) const QUERY_PLAN_KILLED: i32 = 175;
     pub(in crate::serve) const AMBIGUOUS_INDEX: i32 = 181;
@@ -161,8 +162,11 @@ impl Failure {
     pub(super) fn write_error(&self, index: usize) -> Document {
         let index = i32::try_from(index).unwrap_or(i32::MAX);
         let mut error = doc! { "index": index, "code": self.code };
-        error.extend(*self.details.clone());
+        let (info, keys): (Document, Document) =
+            self.details.clone().into_iter().partition(|(name, _)| name == "errInfo");
+        error.extend(keys);
         error.insert("errmsg", &self.message);
+        error.extend(info);
         error
     }
 }
@@ -187,6 +191,10 @@ impl From<StoreError> for Failure {
             StoreError::Stopped { source, .. } => Self::from(*source),
             StoreError::Partial { source, .. } => Self::from(*source).after_the_rest(),
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
+            StoreError::Invalid(invalid) => {
+                let failure = Self::new(codes::INVALID_DOCUMENT, "Document failed validation");
+                Self { details: Box::new(doc! { "errInfo": invalid.info() }), ..failure }
+            }
             StoreError::Unreachable { may_be_done: true, .. } => Self::new(codes::UNREACHABLE, message),
             StoreError::Unreachable { .. } => Self::new(codes::UNREACHABLE, message).labeled(RETRYABLE),
             StoreError::Held { .. } => Self::new(codes::CONFLICT, message),

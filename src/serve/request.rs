@@ -24,6 +24,8 @@ pub(super) struct Request {
     pub(super) database: String,
     pub(super) session: Option<SessionId>,
     pub(super) transaction: Option<TransactionPart>,
+    /// `bypassDocumentValidation`.
+    pub(super) is_unvalidated: bool,
     /// When it came.
     pub(super) since: Instant,
     /// `maxTimeMS`.
@@ -74,7 +76,7 @@ impl Request {
             let message = "Transaction number requires a session ID to be specified";
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
-        fields.optional_flag("bypassDocumentValidation")?;
+        let is_unvalidated = fields.optional_flag("bypassDocumentValidation")?.unwrap_or(false);
         let out_of_range =
             |limit: i64| Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range"));
         let limit = fields.whole("maxTimeMS")?.filter(|limit| *limit != 0);
@@ -84,7 +86,19 @@ impl Request {
         let (since, stop) = (Instant::now(), Arc::default());
         // After the largest number, it begins with 0 again.
         let operation = OPERATIONS.fetch_add(1, Ordering::Relaxed).wrapping_add(1) & i32::MAX;
-        Ok(Self { name, database, session, transaction, since, limit, write_concern, body, operation, stop })
+        Ok(Self {
+            name,
+            database,
+            session,
+            transaction,
+            is_unvalidated,
+            since,
+            limit,
+            write_concern,
+            body,
+            operation,
+            stop,
+        })
     }
 
     pub(super) fn fields(&self) -> Fields<'_> {

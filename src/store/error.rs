@@ -4,6 +4,7 @@ use bson::Bson;
 
 use super::namespace::Namespace;
 use super::taken_key::TakenKey;
+use super::validation::InvalidDocument;
 use crate::fault::{AtFault, Fault};
 use crate::query::QueryError;
 
@@ -30,6 +31,9 @@ pub enum StoreError {
         /// The `_id`s stored before the failure.
         stored: Vec<Bson>,
     },
+    /// A document does not pass the validator of its collection.
+    #[error("{0}")]
+    Invalid(Box<InvalidDocument>),
     /// The filter, update, projection, sort or pipeline, or a document, is not acceptable.
     #[error(transparent)]
     Query(#[from] QueryError),
@@ -114,7 +118,7 @@ fn documents(count: u64) -> String {
 impl AtFault for StoreError {
     fn fault(&self) -> Fault {
         match self {
-            Self::Duplicate { .. } | Self::Held { .. } => Fault::Conflict,
+            Self::Duplicate { .. } | Self::Invalid(_) | Self::Held { .. } => Fault::Conflict,
             Self::Unfit { .. } => Fault::Usage,
             Self::Interrupted { .. } => Fault::Interrupt,
             Self::Query(error) => error.fault(),
@@ -156,9 +160,31 @@ impl StoreError {
     /// Whether it is about one document, and not about the store, or that the operation is to end.
     pub(crate) fn is_of_document(&self) -> bool {
         match self {
-            Self::Duplicate { .. } => true,
+            Self::Duplicate { .. } | Self::Invalid(_) => true,
             Self::Query(error) => !QueryError::is_interruption(error.code),
             _ => false,
+        }
+    }
+
+    /// The error with another name of the collection that it is about.
+    pub(crate) fn renamed(self, ns: &Namespace) -> Self {
+        match self {
+            Self::Duplicate { key, stored, .. } => Self::Duplicate { namespace: ns.clone(), key, stored },
+            Self::Invalid(invalid) => Self::Invalid(Box::new(InvalidDocument { namespace: ns.clone(), ..*invalid })),
+            Self::Stopped { stored, document, source } => {
+                Self::Stopped { stored, document, source: Box::new(source.renamed(ns)) }
+            }
+            other => other,
+        }
+    }
+
+    /// The document that does not pass the validator of its collection, where the error is about one.
+    #[must_use]
+    pub fn invalid(&self) -> Option<&InvalidDocument> {
+        match self {
+            Self::Invalid(invalid) => Some(invalid),
+            Self::Stopped { source, .. } | Self::Partial { source, .. } => source.invalid(),
+            _ => None,
         }
     }
 

@@ -25,6 +25,7 @@ pub mod staging;
 mod step;
 mod taken_key;
 pub mod uri;
+pub mod validation;
 pub mod watch;
 mod write_concern;
 
@@ -46,11 +47,13 @@ pub use request::{
 pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
+pub use validation::{InvalidDocument, Validation, ValidationAction, ValidationLevel};
 pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, NotedChanges, Scope, Since};
 pub use write_concern::{Acknowledgment, WriteConcern};
 
 use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -63,6 +66,9 @@ pub type Documents<'a> = Box<dyn Iterator<Item = Result<RawDocumentBuf, StoreErr
 
 /// Values that were found, which need the store no more.
 pub type Values = Box<dyn Iterator<Item = Result<Bson, StoreError>>>;
+
+/// Takes warnings, from whichever thread writes.
+pub type Warn = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// Chooses a query for [`Store::find_chosen`].
 pub type Choose<'c, 'f> = &'c mut dyn FnMut(bool) -> Result<Option<Cow<'f, Find>>, StoreError>;
@@ -174,6 +180,44 @@ pub trait Store: Send {
     /// that in every operation, and in every index, that has no collation of its own. The index on `_id` that
     /// [`Store::indexes`] lists has the collation. Durable on return.
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError>;
+
+    /// Makes an empty collection as [`Store::create`] does, that takes certain documents.
+    fn create_validating(
+        &self,
+        ns: &Namespace,
+        collation: Option<&Collation>,
+        validation: &Validation,
+    ) -> Result<bool, StoreError> {
+        let mut is_new = false;
+        self.atomically(&mut || {
+            is_new = self.create(ns, collation)?;
+            if is_new && !validation.is_empty() { self.set_validation(ns, validation) } else { Ok(()) }
+        })?;
+        Ok(is_new)
+    }
+
+    /// The options of a collection that say which documents it takes; none where it says nothing, or is not there.
+    fn validation(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
+        let _ = ns;
+        Ok(None)
+    }
+
+    /// Sets the options of a collection, which is there, that say which documents it takes. Documents that are in it are not
+    /// looked at. Durable on return.
+    fn set_validation(&self, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
+        let _ = (ns, validation);
+        Err(StoreError::Unfit { address: self.describe(), reason: "keeps no validators".to_owned() })
+    }
+
+    /// Runs writes that store documents also where they do not pass the validator of their collection.
+    fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        work()
+    }
+
+    /// Gives each warning to `warn`: a document was stored though it does not pass the validator of its collection.
+    fn warn_by(&self, warn: Warn) {
+        let _ = warn;
+    }
 
     /// Keeps the changes of a scope from now on, or goes on doing so; those that are older than
     /// `age` go. Whoever calls this has to do so again every few seconds.

@@ -146,7 +146,7 @@ fn a_world_file_says_which_indexes_it_leaves_out() {
     lab.rmem(&["index", "robmem.blocks", "{block: 1}"]).success();
     let dump = ["dump", "robmem.blocks", "-o"];
     let world = lab.rmem(&[&dump[..], &["world.json"]].concat()).exits(0);
-    let warning = "warning: a world file keeps neither indexes nor collations; left out: block_1 of robmem.blocks; -o FOLDER keeps them\n";
+    let warning = "warning: a world file keeps no indexes, collations and validators; left out: block_1 of robmem.blocks; -o FOLDER keeps them\n";
     assert_eq!(world.stderr, warning);
     let folder = lab.rmem(&[&dump[..], &["folder"]].concat()).exits(0);
     assert!(!folder.stderr.contains("warning"), "{folder}");

@@ -11,7 +11,7 @@ fn the_table_is_in_the_help() {
       2  usage
       3  bad input: document, query, template, PDDL, CLIPS, world file, answer of a computable
       4  store unreachable or failed; the program of a computable failed, or took too long
-      5  conflict: unique key, lock
+      5  conflict: unique key, validator, lock
      11  proven: no plan exists
      12  the planner gave up without proof
      22  out of memory limit
@@ -52,7 +52,7 @@ fn the_table_is_in_the_help() {
         2  usage
         3  bad input: document, query, template, PDDL, CLIPS, world file, answer of a computable
         4  store unreachable or failed; the program of a computable failed, or took too long
-        5  conflict: unique key, lock
+        5  conflict: unique key, validator, lock
        11  proven: no plan exists
        12  the planner gave up without proof
        22  out of memory limit

@@ -50,5 +50,6 @@ mod schema;
 mod templates;
 mod update;
 mod validate;
+mod validators;
 mod view;
 mod watch;

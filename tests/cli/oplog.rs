@@ -112,7 +112,7 @@ fn the_oplog_of_a_dump_is_applied_on_request() {
           ]
         }
         ------- stderr -------
-        warning: a world file keeps neither indexes nor collations; left out: at_1 of robmem.places; -o FOLDER keeps them
+        warning: a world file keeps no indexes, collations and validators; left out: at_1 of robmem.places; -o FOLDER keeps them
         [exit code: 0]
         "#);
         assert_run!(lab.rmem(&["index", "robmem.places"]), @r#"
@@ -161,6 +161,16 @@ fn without_a_request_the_oplog_is_left_out_with_a_warning() {
     error: dump/robmem: there is no oplog to replay; `mongodump --oplog` writes one
     [exit code: 3]
     ");
+}
+
+#[test]
+fn a_validator_that_came_during_the_dump_is_told_to_be_left_out() {
+    let create = doc! { "o": { "create": "checked", "validator": { "n": { "$gt": 0 } } } };
+    let lab =
+        dumped(&[entry("c", "robmem.$cmd", create), entry("i", "robmem.checked", doc! { "o": { "_id": 1, "n": 1 } })]);
+    let run = lab.rmem(&["restore", "dump", "--oplog-replay"]);
+    assert!(run.code == 0 && run.stderr.contains("warning: robmem.checked: its validator is not set"), "{run}");
+    assert_eq!(lab.rmem(&["count", "robmem.checked"]).success(), "1\n");
 }
 
 #[test]

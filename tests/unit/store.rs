@@ -90,7 +90,7 @@ fn a_memory_of_a_newer_version_is_refused() {
     let path = folder.path().join("robot.rmem");
     drop(Embedded::open(&path).unwrap());
     rusqlite::Connection::open(&path).unwrap().pragma_update(None, "user_version", 99).unwrap();
-    let text = "file:…/robot.rmem: is a memory of version 99, this rmem reads version 2; use a newer rmem";
+    let text = "file:…/robot.rmem: is a memory of version 99, this rmem reads version 3; use a newer rmem";
     assert_eq!(refusal(&path), text);
 }
 

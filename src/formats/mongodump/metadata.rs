@@ -15,7 +15,13 @@ pub struct Metadata {
     pub indexes: Vec<Document>,
     /// How its strings compare, where that is not byte by byte.
     pub collation: Option<Document>,
+    /// The options that say which documents it takes: `validator`, `validationLevel`, `validationAction`, as far as it has
+    /// them.
+    pub validation: Document,
 }
+
+/// The options of a collection that say which documents it takes.
+const VALIDATION: [&str; 3] = ["validator", "validationLevel", "validationAction"];
 
 /// What a collection is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,6 +41,7 @@ impl Metadata {
             kind: CollectionKind::Collection,
             indexes: Vec::new(),
             collation: None,
+            validation: Document::new(),
         }
     }
 
@@ -55,8 +62,10 @@ impl Metadata {
         let definitions = indexes.iter().filter_map(Bson::as_document);
         let indexes = definitions.filter(|index| index.get_str("name").ok() != Some("_id_")).cloned().collect();
         let options = document.get_document("options");
-        let collation = options.and_then(|options| options.get_document("collation")).ok().cloned();
-        Ok(Self { collection: text("collectionName"), kind, indexes, collation })
+        let collation = options.as_ref().ok().and_then(|options| options.get_document("collation").ok()).cloned();
+        let option = |name: &str| Some((name.to_owned(), options.as_ref().ok()?.get(name)?.clone()));
+        let validation = VALIDATION.into_iter().filter_map(option).collect();
+        Ok(Self { collection: text("collectionName"), kind, indexes, collation, validation })
     }
 
     /// The text for a collection.
@@ -66,7 +75,11 @@ impl Metadata {
         let mut metadata = Document::new();
         if let Some(collation) = &self.collation {
             ids.insert("collation", collation.clone());
-            metadata.insert("options", doc! { "collation": collation.clone() });
+        }
+        let mut options = self.validation.clone();
+        options.extend(self.collation.iter().map(|collation| ("collation".to_owned(), collation.clone().into())));
+        if !options.is_empty() {
+            metadata.insert("options", options);
         }
         let indexes: Vec<Document> = std::iter::once(ids).chain(self.indexes.iter().cloned()).collect();
         metadata.extend(doc! {
@@ -93,6 +106,9 @@ mod tests {
         assert_eq!(parse(&indexed.write()), indexed);
         let collated = Metadata { collation: Some(doc! { "locale": "en", "strength": 2 }), ..indexed.clone() };
         assert_eq!(parse(&collated.write()), collated);
+        let validation = doc! { "validator": { "n": { "$gt": 0 } }, "validationAction": "warn" };
+        let validating = Metadata { validation, ..collated.clone() };
+        assert_eq!(parse(&validating.write()), validating);
         let metadata = Metadata::plain("a.b");
         assert_eq!(parse(&metadata.write()), metadata);
         assert_eq!(
@@ -112,6 +128,7 @@ mod tests {
                 kind: CollectionKind::Collection,
                 indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }],
                 collation: None,
+                validation: Document::new(),
             }
         );
         assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, CollectionKind::Other("view".to_owned()));

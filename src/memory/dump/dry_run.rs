@@ -1,6 +1,6 @@
-//! Whether a restore would violate a unique index, found out in a temporary store.
+//! Whether a restore would violate a unique index or a validator, found out in a temporary store.
 //!
-//! The documents of a collection that has, or gets, unique indexes are put into a
+//! The documents of a collection that has, or gets, unique indexes, or keeps a validator, are put into a
 //! store of their own, in the order in which a restore would do it.
 
 use std::path::Path;
@@ -11,12 +11,12 @@ use super::read::{Dump, Part};
 use crate::memory::Memory;
 use crate::process::stale_files;
 use crate::query::{Collation, QueryError};
-use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, index};
+use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, StoreError, Validation, index};
 
 /// How many documents are copied at once.
 const BATCH: usize = 1_000;
 
-/// Checks the unique keys of a dump, beside what is there or, with `drop`, instead of it.
+/// Checks the unique keys of a dump, and whether its documents pass the validator that stays, beside what is there or, with `drop`, instead of it.
 ///
 /// # Errors
 /// The one that a restore would fail with; where the dump cannot be read, or a store fails.
@@ -33,9 +33,13 @@ pub(super) fn check_keys(memory: &Memory, dump: &Dump, drop: bool, temporary: &P
             Some(collation) if drop => collation.clone(),
             _ => memory.collation(&part.namespace).map_err(failed)?.or_else(|| part.collation.clone().flatten()),
         };
+        let validation = match &part.validation {
+            Some(_) if drop => None,
+            _ => memory.validation(&part.namespace).map_err(failed)?,
+        };
         // By a collation, two documents of the dump may have the same `_id`.
-        if !before.is_empty() || !after.is_empty() || collation.is_some() {
-            let plan = RestorePlan { part, collation, present: (!drop).then_some(memory), before, after };
+        if !before.is_empty() || !after.is_empty() || collation.is_some() || validation.is_some() {
+            let plan = RestorePlan { part, collation, validation, present: (!drop).then_some(memory), before, after };
             TrialStore::new(&part.namespace, temporary)?.run(&plan)?;
         }
     }
@@ -72,6 +76,8 @@ struct RestorePlan<'a> {
     part: &'a Part,
     /// How strings compare in the collection.
     collation: Option<Collation>,
+    /// Which documents the collection takes, where it goes on doing so.
+    validation: Option<Validation>,
     /// Where the documents are that it joins, if any.
     present: Option<&'a Memory>,
     /// The unique indexes that are there already.
@@ -114,12 +120,16 @@ impl<'a> TrialStore<'a> {
 
     fn fill(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
         let failed = |source| unchanged(self.namespace, source);
-        self.store.create(self.namespace, plan.collation.as_ref()).map_err(failed)?;
+        let validation = plan.validation.clone().unwrap_or_default();
+        self.store.create_validating(self.namespace, plan.collation.as_ref(), &validation).map_err(failed)?;
         self.index(&plan.before)?;
         if let Some(memory) = plan.present {
             let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
             while let Some(batch) = some(&mut stored).map_err(failed)? {
-                self.store.put(self.namespace, batch, None).map_err(failed)?;
+                let mut batch = Some(batch);
+                // What is there stays, whether or not it passes.
+                let put = &mut || self.store.put(self.namespace, batch.take().unwrap_or_default(), None).map(drop);
+                self.store.unvalidated(put).map_err(failed)?;
             }
         }
         for batch in batches(plan.part.documents()?) {

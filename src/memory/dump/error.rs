@@ -40,16 +40,5 @@ pub(super) fn nothing_done() -> RestoreError {
 
 /// The error of a store in a restore that changed nothing.
 pub(super) fn unchanged(ns: &Namespace, source: StoreError) -> RestoreError {
-    RestoreError::Store { which: format!("{ns}; nothing was changed"), source: named(ns, source) }
-}
-
-/// The error with the name of the collection that is restored, instead of the name under which it is staged.
-fn named(ns: &Namespace, error: StoreError) -> StoreError {
-    match error {
-        StoreError::Duplicate { key, stored, .. } => StoreError::Duplicate { namespace: ns.clone(), key, stored },
-        StoreError::Stopped { stored, document, source } => {
-            StoreError::Stopped { stored, document, source: Box::new(named(ns, *source)) }
-        }
-        other => other,
-    }
+    RestoreError::Store { which: format!("{ns}; nothing was changed"), source: source.renamed(ns) }
 }

@@ -14,7 +14,8 @@
 //! by the next restore.
 //!
 //! Indexes are created where the dump has them. A world file has none; the existing
-//! indexes stay then.
+//! indexes stay then. So it is with the validator, which the documents of a dump that has it do not have to pass: they may be
+//! older than it. A collection that keeps its validator refuses documents that do not pass it.
 //!
 //! The oplog of a dump, what changed while it was written, is applied behind its documents, in the same step.
 //!
@@ -34,7 +35,7 @@ use super::{dry_run, oplog};
 use crate::memory::Memory;
 use crate::query::collation::during;
 use crate::query::{QueryError, key};
-use crate::store::{Find, Index, Namespace, StoreError, TakenKey, index, metadata, staging};
+use crate::store::{Find, Index, Namespace, StoreError, TakenKey, Validation, index, metadata, staging};
 
 /// From so many documents on others would wait long for a restore in one step.
 const LONG: u64 = 10_000;
@@ -100,9 +101,10 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         };
         for (restored, part) in foreseen.iter_mut().zip(&dump.parts) {
             if !options.drop {
-                restored
-                    .without
-                    .extend(other_collation(memory, part).map_err(|source| unchanged(&part.namespace, source))?);
+                let is_there = |indexes: Vec<Index>| !indexes.is_empty();
+                let failed = |source| unchanged(&part.namespace, source);
+                let is_there = memory.indexes(&part.namespace).map(is_there).map_err(failed)?;
+                restored.without.extend(other_options(memory, part, is_there).map_err(failed)?);
             }
             restored.without.extend(dry_run::refused(memory, part)?);
         }
@@ -161,8 +163,11 @@ fn put(
     let mut done: Vec<Restored> = Vec::with_capacity(dump.parts.len());
     for part in &dump.parts {
         let mut restored = Restored::nothing(&part.namespace);
+        let mut is_new = false;
         if !dry_run {
-            restored.without.extend(prepare(memory, part).map_err(|source| unchanged(&part.namespace, source))?);
+            let prepared = prepare(memory, part).map_err(|source| unchanged(&part.namespace, source))?;
+            is_new = prepared.0;
+            restored.without.extend(prepared.1);
         }
         for batch in batches(part.documents()?) {
             let batch = undated(batch?);
@@ -191,25 +196,55 @@ fn put(
             })?;
             restored.without.extend(without);
         }
+        if let (true, Some(validation)) = (is_new, &part.validation) {
+            // Behind the documents, which may be older than it.
+            validate(memory, &part.namespace, validation).map_err(|source| match whole {
+                true => unchanged(&part.namespace, source),
+                false => {
+                    let which = format!("{}; its documents are stored, but its validator is not set", part.namespace);
+                    RestoreError::Store { which, source }
+                }
+            })?;
+        }
         done.push(restored);
     }
     Ok(done)
 }
 
-/// Makes the collection of a dump, also one without documents, with its collation; returns a note where it exists with
-/// another one.
-fn prepare(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
-    memory.create_collection(&part.namespace, part.collation.as_ref().and_then(Option::as_ref))?;
-    other_collation(memory, part)
+/// Makes the collection of a dump, also one without documents, with its collation. Returns whether it is new; and notes where
+/// it exists with other options.
+fn prepare(memory: &Memory, part: &Part) -> Result<(bool, Vec<String>), StoreError> {
+    let is_new = memory.create_collection(&part.namespace, part.collation.as_ref().and_then(Option::as_ref))?;
+    Ok((is_new, other_options(memory, part, !is_new)?))
 }
 
-/// A note where the collection exists with another collation than the dump has.
-fn other_collation(memory: &Memory, part: &Part) -> Result<Option<String>, StoreError> {
-    let Some(Some(collation)) = &part.collation else { return Ok(None) };
-    let indexes = memory.indexes(&part.namespace)?;
-    let is_other = !indexes.is_empty() && index::collation(&indexes).as_ref() != Some(collation);
-    let note = "the collation of the collection is not restored: it exists with another one; --drop replaces it";
-    Ok(is_other.then(|| note.to_owned()))
+/// Notes where the collection exists with another collation, or another validator, than the dump has.
+fn other_options(memory: &Memory, part: &Part, is_there: bool) -> Result<Vec<String>, StoreError> {
+    let mut notes = Vec::new();
+    if !is_there {
+        return Ok(notes);
+    }
+    let mut note = |what: &str| {
+        notes.push(format!(
+            "the {what} of the collection is not restored: it exists with another one; --drop replaces it"
+        ));
+    };
+    if let Some(Some(collation)) = &part.collation
+        && memory.collation(&part.namespace)?.as_ref() != Some(collation)
+    {
+        note("collation");
+    }
+    if let Some(validation) = part.validation.as_ref().filter(|validation| validation.validator.is_some())
+        && memory.validation(&part.namespace)?.and_then(|own| own.validator) != validation.validator
+    {
+        note("validator");
+    }
+    Ok(notes)
+}
+
+/// Sets which documents a collection takes, where a dump says something of it.
+fn validate(memory: &Memory, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
+    if validation.is_empty() { Ok(()) } else { memory.set_validation(ns, validation) }
 }
 
 /// How much of a collection was stored, and after which others.
@@ -430,6 +465,12 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, options: RestoreOpti
     };
     // One without documents is made, too.
     memory.create_collection(&staged.name, collation.as_ref()).map_err(failed)?;
+    if part.validation.is_none()
+        && let Some(validation) = memory.validation(&part.namespace).map_err(failed)?
+    {
+        // Nor does it change the validator, to which its documents are new.
+        memory.set_validation(&staged.name, &validation).map_err(failed)?;
+    }
     for batch in batches(part.documents()?) {
         if options.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             return Err(nothing_done());
@@ -452,5 +493,6 @@ fn stage(memory: &Memory, part: &Part, staged: &mut Staged, options: RestoreOpti
     };
     let own: Vec<Index> = indexes.into_iter().filter(|index| index.name != index::ID).collect();
     staged.restored.without = index(memory, &staged.name, &own).map_err(failed)?;
-    Ok(())
+    // Behind the documents, which may be older than it.
+    part.validation.as_ref().map_or(Ok(()), |validation| validate(memory, &staged.name, validation)).map_err(failed)
 }

@@ -182,12 +182,14 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
     Ok(count)
 }
 
-/// What a dump says of a collection: its indexes, as the store lists them.
+/// What a dump says of a collection: its indexes, as the store lists them, and its options.
 fn metadata(memory: &Memory, ns: &Namespace) -> Result<Metadata, DumpError> {
-    let indexes = memory.indexes(ns).map_err(|source| DumpError::Store { namespace: ns.to_string(), source })?;
+    let failed = |source| DumpError::Store { namespace: ns.to_string(), source };
+    let indexes = memory.indexes(ns).map_err(failed)?;
+    let validation = memory.validation(ns).map_err(failed)?.unwrap_or_default().options();
     let collation = index::collation(&indexes).map(|collation| collation.definition().clone());
     let indexes = indexes.iter().filter(|index| index.name != index::ID).map(Index::definition).collect();
-    Ok(Metadata { indexes, collation, ..Metadata::plain(&ns.collection) })
+    Ok(Metadata { indexes, collation, validation, ..Metadata::plain(&ns.collection) })
 }
 
 fn close(file: Packer<BufWriter<File>>) -> io::Result<()> {

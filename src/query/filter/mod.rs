@@ -95,6 +95,19 @@ impl Filter {
         }
     }
 
+    /// Reads the filter of a validator.
+    ///
+    /// # Errors
+    /// As [`Filter::parse`], and where it has an operator that no validator may have.
+    pub(super) fn parse_validator(filter: &Document) -> Result<Self> {
+        Self::parse_with(filter, &Parser::default().of_validator())
+    }
+
+    /// [`Filter::matches`] with `$$NOW` at this time.
+    pub(super) fn matches_at(&self, document: &RawDocument, now: DateTime) -> Result<bool> {
+        self.root.matches(document.into(), &mut Context { now: Some(now), ..self.context() })
+    }
+
     /// Returns whether an owned document matches.
     ///
     /// # Errors

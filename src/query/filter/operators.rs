@@ -58,11 +58,7 @@ pub(super) fn field_operator(
             alone(name, siblings)?;
             Leaf::Place(Box::new(Region::meets(value)?))
         }
-        _ if OPERATORS.contains(&name) => {
-            return Err(QueryError::bad_value(format!(
-                "{name} must be the first operator of a field, at the top of a filter"
-            )));
-        }
+        _ if OPERATORS.contains(&name) => return Err(parser.misplaced(name)),
         _ => return Err(unknown(NameContext::Condition, name, "unknown operator")),
     };
     Ok(Some(Test::Leaf(leaf)))

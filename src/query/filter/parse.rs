@@ -19,7 +19,7 @@ use crate::query::view::View;
 /// How deep filters may be nested.
 const MAX_DEPTH: usize = 100;
 
-/// MongoDB's code for a distance condition in a stage.
+/// MongoDB's code for a distance condition in a stage, or in a validator.
 const NOT_IN_STAGE: i32 = 5_626_500;
 
 /// MongoDB's code for a search that is not at the front of a pipeline.
@@ -47,6 +47,8 @@ enum Distance {
     Within,
     /// Not in a pipeline, which has `$geoNear`.
     Stage,
+    /// Not in a validator, which no index answers.
+    Validator,
 }
 
 impl<'a> Parser<'a> {
@@ -63,6 +65,19 @@ impl<'a> Parser<'a> {
     /// Returns the parser of a stage.
     pub(in crate::query) fn of_stage(self, is_first: bool) -> Self {
         Self { distance: Distance::Stage, takes_code: false, takes_search: is_first, ..self }
+    }
+
+    /// Returns the parser of a validator.
+    pub(super) fn of_validator(self) -> Self {
+        Self { distance: Distance::Validator, takes_code: false, takes_search: false, ..self }
+    }
+
+    /// Refuses a distance condition that is within something else.
+    pub(super) fn misplaced(&self, name: &str) -> QueryError {
+        match self.distance {
+            Distance::Validator => not_in_validator(name),
+            _ => QueryError::bad_value(format!("{name} must be the first operator of a field, at the top of a filter")),
+        }
     }
 
     fn within(&self) -> Self {
@@ -109,6 +124,7 @@ impl<'a> Parser<'a> {
                 Distance::Within => {
                     Err(QueryError::bad_value(format!("{name} must be at the top of a filter")).about(name))
                 }
+                Distance::Validator => Err(not_in_validator(name)),
                 Distance::Stage => {
                     let message = format!("{name} is not allowed in a stage; begin the pipeline with $geoNear");
                     Err(QueryError::invalid(NOT_IN_STAGE, message).about(name))
@@ -148,6 +164,9 @@ impl<'a> Parser<'a> {
             "$text" if self.distance == Distance::Stage => {
                 let message = "$match with $text is only allowed as the first stage of a pipeline";
                 return Err(QueryError::invalid(NOT_IN_FRONT, message));
+            }
+            "$text" if self.distance == Distance::Validator => {
+                return Err(QueryError::bad_value("$text is not allowed in this context"));
             }
             "$text" => return Err(QueryError::bad_value("$text is only allowed at the top of a query")),
             _ => return Err(unknown(NameContext::Filter, name, "unknown top level operator")),
@@ -215,6 +234,12 @@ impl<'a> Parser<'a> {
             ))
         }))
     }
+}
+
+/// The error for a distance condition in a validator.
+fn not_in_validator(name: &str) -> QueryError {
+    let message = "$geoNear, $near, and $nearSphere are not allowed in this context";
+    QueryError::invalid(NOT_IN_STAGE, message).about(name)
 }
 
 /// The error for a name that is known nowhere, or not where it stands.

@@ -5,13 +5,14 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 use super::definition::{Command, raw};
 use super::options::{self, Options, Type};
 use crate::memory::{Listed, Memory};
-use crate::query::{Collation, Filter, type_name};
+use crate::query::{Collation, Filter, Validator, type_name};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
-use crate::store::{Index, Namespace, index};
+use crate::store::validation::{OPTIONS, VALIDATOR};
+use crate::store::{Index, Namespace, Validation, ValidationAction, ValidationLevel, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("create", create).transactional(),
@@ -88,7 +89,10 @@ const DEPENDENT: [(&str, &[&str]); 4] = [
 ];
 
 /// Options of `create` that this rmem has no word for.
-const REFUSED: [&str; 6] = ["capped", "clusteredIndex", "encryptedFields", "timeseries", "validator", "viewOn"];
+const REFUSED: [&str; 5] = ["capped", "clusteredIndex", "encryptedFields", "timeseries", "viewOn"];
+
+/// Databases whose collections have no validators.
+const INTERNAL: [&str; 3] = ["admin", "config", "local"];
 
 fn create(memory: &Memory, call: &Call) -> Answer {
     let fields = call.request.fields();
@@ -107,11 +111,29 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     if let Some(definition) = fields.document("idIndex")? {
         super::index::check_ids(definition, collation.as_ref())?;
     }
-    if !memory.create_collection(&ns, collation.as_ref())? {
+    let validation = validation(memory, &ns, fields)?;
+    if !memory.create_validating(&ns, collation.as_ref(), &validation)? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
     }
     crate::serve::host::empty()
+}
+
+/// What a command says of the documents that a collection takes.
+fn validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<Validation, Failure> {
+    let validation = Validation::read(fields.document)?;
+    let Some(validator) = &validation.validator else { return Ok(validation) };
+    if INTERNAL.contains(&ns.database.as_str()) {
+        let database = &ns.database;
+        let message =
+            format!("Document validators are not allowed on collection {ns} in the {database} internal database");
+        return Err(Failure::new(codes::INVALID_OPTIONS, message));
+    }
+    // A MongoDB server says itself what it takes.
+    if memory.is_current(ns)? {
+        Validator::parse(validator)?;
+    }
+    Ok(validation)
 }
 
 /// Refuses options that have no meaning without others.
@@ -192,7 +214,8 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     crate::serve::host::empty()
 }
 
-/// Images of documents before and after changes are always kept; an index can be hidden, and nothing else be modified.
+/// Images of documents before and after changes are always kept; an index can be hidden, the validator be changed, and
+/// nothing else be modified.
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     options::check("collMod", fields.document, OF_MODIFY)?;
@@ -209,11 +232,34 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
     if change.is_none() && fields.flag("dryRun")? {
         return Err(Failure::new(codes::INVALID_OPTIONS, "dry run mode requires an valid index modification."));
     }
-    fields.refuse(&["validator", "dryRun"])?;
+    fields.refuse(&["dryRun"])?;
+    modify_validation(memory, &ns, fields)?;
     match change {
         Some(change) => modify_index(memory, &ns, Fields::new("collMod.index", change)),
         None => crate::serve::host::empty(),
     }
+}
+
+/// Changes which documents a collection takes, where the command says something of it; what it does not say stays.
+fn modify_validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<(), Failure> {
+    let is_said = |name: &str| !matches!(fields.document.get(name), None | Some(Bson::Null | Bson::Undefined));
+    if !OPTIONS.iter().any(|name| is_said(name)) {
+        return Ok(());
+    }
+    let said = validation(memory, ns, fields).map_err(|failure| match failure.code {
+        codes::INVALID_OPTIONS => failure,
+        _ => {
+            let message = format!("Parsing of collection validator failed :: caused by :: {}", failure.message);
+            Failure { message, ..failure }
+        }
+    })?;
+    let before = memory.validation(ns)?.unwrap_or_default();
+    let validation = Validation {
+        validator: if is_said(VALIDATOR) { said.validator } else { before.validator },
+        level: said.level.or(before.level).or(Some(ValidationLevel::Strict)),
+        action: said.action.or(before.action).or(Some(ValidationAction::Error)),
+    };
+    Ok(memory.set_validation(ns, &validation)?)
 }
 
 /// Hides an index, or gives it back to queries.
@@ -253,7 +299,9 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     let memory = host.memory()?;
     for ns in call.access(memory).collections_of(&database)? {
         let listed = match memory.collection_or_view(&ns)? {
-            Listed::Collection(indexes) => described(&ns, index::collation(&indexes).as_ref()),
+            Listed::Collection(indexes) => {
+                described(&ns, memory.validation(&ns)?.as_ref(), index::collation(&indexes).as_ref())
+            }
             Listed::View(options) => {
                 doc! { "name": &ns.collection, "type": "view", "options": options, "info": { "readOnly": true } }
             }
@@ -269,13 +317,14 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     host.answer(&place, call.request.origin(), Box::new(documents.into_iter()), batch)
 }
 
-fn described(ns: &Namespace, collation: Option<&Collation>) -> Document {
-    let options = collation.map(|collation| doc! { "collation": collation.definition().clone() });
+fn described(ns: &Namespace, validation: Option<&Validation>, collation: Option<&Collation>) -> Document {
+    let mut options = validation.map(Validation::options).unwrap_or_default();
+    options.extend(collation.map(|collation| ("collation".to_owned(), collation.definition().clone().into())));
     let ids = collation.map_or_else(Index::of_ids, Index::of_collated_ids);
     doc! {
         "name": &ns.collection,
         "type": "collection",
-        "options": options.unwrap_or_default(),
+        "options": options,
         "info": { "readOnly": false },
         "idIndex": ids.definition(),
     }

@@ -193,8 +193,21 @@ fn write_in_slices(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, call:
     let ns = home(&call.request);
     host.write_in_slices(&ns, call.request.limits(), |memory| {
         memory.sign(&call.author);
-        confirmed(memory, &ns, &call.request, |memory| run(memory, call))
+        confirmed(memory, &ns, &call.request, |memory| perform(memory, &ns, call, run))
     })
+}
+
+/// Runs a command that writes; where it says so, also what does not pass a validator is stored.
+fn perform(memory: &Memory, ns: &Namespace, call: &Call, run: fn(&Memory, &Call) -> Answer) -> Answer {
+    if !call.request.is_unvalidated {
+        return run(memory, call);
+    }
+    let mut answer = host::empty();
+    memory.unvalidated(ns, &mut || {
+        answer = run(memory, call);
+        Ok(())
+    })?;
+    answer
 }
 
 /// Has something written; once, where the command has a number.
@@ -222,7 +235,7 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call)
     let ns = home.clone();
     let work = move |memory: &Memory| {
         memory.sign(&call.author);
-        confirmed(memory, &ns, &call.request, |memory| run(memory, &call))
+        confirmed(memory, &ns, &call.request, |memory| perform(memory, &ns, &call, run))
     };
     host.write(home, once, limits, Box::new(work))
 }
@@ -368,7 +381,8 @@ pub(super) fn inside(host: &mut Host<'_>, call: &Call) -> Answer {
         Run::Write(run) | Run::Either(_, _, run) | Run::Sliced(_, _, run) => {
             let memory = host.memory()?;
             memory.sign(&call.author);
-            attempt(memory, &home(&call.request), |memory| run(memory, call))
+            let ns = home(&call.request);
+            attempt(memory, &ns, |memory| perform(memory, &ns, call, run))
         }
     }
 }

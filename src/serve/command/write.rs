@@ -9,11 +9,16 @@ use crate::serve::effect::Effect;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, number};
 
+/// So many bytes at most say in one answer why documents do not pass the validator of their collection.
+const MAX_EXPLAINED: usize = 16 << 20;
+
 /// What came of the statements of a command.
 #[derive(Default)]
 pub(super) struct Outcome {
     pub(super) n: u64,
     errors: Vec<Document>,
+    /// How many bytes say why documents do not pass the validator of their collection.
+    explained: usize,
     /// The numbers of statements that were done when they were sent before.
     retried: Vec<Bson>,
 }
@@ -38,7 +43,15 @@ impl Outcome {
         if QueryError::is_interruption(failure.code) {
             return Err(if self.n == 0 { failure } else { failure.after_the_rest() });
         }
-        self.errors.push(failure.write_error(index));
+        let mut error = failure.write_error(index);
+        if let Ok(info) = error.get_document_mut("errInfo") {
+            self.explained += RawDocumentBuf::try_from(&*info).map_or(0, |raw| raw.as_bytes().len());
+            if self.explained > MAX_EXPLAINED {
+                info.remove("details");
+                info.insert("note", "detailed error was too large");
+            }
+        }
+        self.errors.push(error);
         Ok(!is_ordered && !is_unreachable)
     }
 

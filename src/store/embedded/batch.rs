@@ -27,10 +27,14 @@ impl Embedded {
                     .and_then(|(id, body)| self.add(ns, collection, &id, &body).map(|()| id));
                 match added {
                     Ok(id) => stored.push(id),
-                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) if stored.is_empty() => {
+                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_)))
+                        if stored.is_empty() =>
+                    {
                         return Err(refusal);
                     }
-                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) => return Ok(Some(refusal)),
+                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_))) => {
+                        return Ok(Some(refusal));
+                    }
                     Err(failure) => return Err(failure),
                 }
             }
@@ -39,7 +43,7 @@ impl Embedded {
         match refusal {
             Ok(None) => Ok(Inserted { ids: stored }),
             Ok(Some(refusal)) => Err(refusal.stopped(stored, count)),
-            Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Query(_))) => {
+            Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_))) => {
                 Err(refusal.stopped(Vec::new(), count))
             }
             Err(failure) => Err(failure),
@@ -76,6 +80,7 @@ impl Embedded {
             _ => return Err(self.fail("a document without an _id was to be stored")),
         };
         let indexes = self.expect_decay(ns, collection, self.indexes_of(collection)?, body)?;
+        self.check_valid(ns, &indexes, body, None)?;
         let entries = self.entries(ns, &indexes, body, None)?;
         let sql = format!("INSERT INTO {} (key, body) VALUES (?, ?)", collection.table());
         let inserted = self

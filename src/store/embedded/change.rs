@@ -193,6 +193,7 @@ impl Embedded {
         kind: ChangeKind,
     ) -> Result<(), StoreError> {
         let indexes = self.expect_decay(ns, collection, self.indexes_of(collection)?, body)?;
+        self.check_valid(ns, &indexes, body, Some(&found.body))?;
         let entries = self.entries(ns, &indexes, body, Some(found.position))?;
         let sql = format!("UPDATE {} SET body = ? WHERE position = ?", collection.table());
         self.connection

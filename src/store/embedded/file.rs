@@ -16,8 +16,9 @@
 //! - `changes`: the changes that watchers have not taken (`change_log`); numbers are never used again.
 //! - `histories`, `origins` and `cut_runs`, where a history was kept: of what, the authors of changes, and the runs of
 //!   which changes are not kept any more (`history`).
+//! - `validators`, where a collection has a validator: which documents it takes (`validation`). The version is 3 then.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -36,8 +37,11 @@ use super::{Embedded, busy, failure};
 use crate::query::look_at;
 use crate::store::StoreError;
 
-/// The layout this rmem writes, and the newest it reads.
-pub const VERSION: i32 = 2;
+/// The newest layout this rmem reads: that of a file in which a collection has, or had, a validator. A file is marked with
+/// it when the first one is set, so that no rmem that knows of none writes to it.
+pub const VERSION: i32 = 3;
+/// The layout of every other file.
+const SEALED: i32 = 2;
 /// The layout before: documents have no checksums. It is read, and marked as version 2 with the first
 /// opening that may write: documents get their checksums when they are changed.
 const UNSEALED: i32 = 1;
@@ -174,7 +178,7 @@ impl Embedded {
                 false => explain(error),
             })?;
         match marks {
-            Marks { application: APPLICATION, version: VERSION, .. } => {}
+            Marks { application: APPLICATION, version: VERSION | SEALED, .. } => {}
             Marks { application: APPLICATION, version: UNSEALED, .. } => upgrade(&connection).map_err(explain)?,
             Marks { application: APPLICATION, version, .. } => return Err(wrong_version(&place, version)),
             Marks { application: 0, version: 0, blank: true, untouched: true }
@@ -196,6 +200,8 @@ impl Embedded {
             is_brief,
             is_reading: Cell::default(),
             reads_until: Cell::default(),
+            is_bypassing: Cell::default(),
+            warn: RefCell::default(),
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),
             log_size: LogSize::default(),
@@ -374,10 +380,15 @@ fn lay_out(connection: &Connection) -> rusqlite::Result<()> {
         }
         connection.execute_batch(LAYOUT)?;
         connection.pragma_update(None, "application_id", APPLICATION)?;
-        connection.pragma_update(None, "user_version", VERSION)
+        connection.pragma_update(None, "user_version", SEALED)
     });
     connection.execute_batch(if laid_out.is_ok() { "COMMIT" } else { "ROLLBACK" })?;
     laid_out
+}
+
+/// Marks a file as one in which a collection has a validator. In a write transaction only.
+pub(super) fn mark_validators(connection: &Connection) -> rusqlite::Result<()> {
+    connection.pragma_update(None, "user_version", VERSION)
 }
 
 /// Marks a file of version 1 as one of version 2, where it may be written.
@@ -387,7 +398,7 @@ fn upgrade(connection: &Connection) -> rusqlite::Result<()> {
     }
     connection.execute_batch("BEGIN IMMEDIATE")?;
     let marked = match Marks::read(connection) {
-        Ok(Marks { version: UNSEALED, .. }) => connection.pragma_update(None, "user_version", VERSION),
+        Ok(Marks { version: UNSEALED, .. }) => connection.pragma_update(None, "user_version", SEALED),
         marks => marks.map(|_| ()),
     };
     connection.execute_batch(if marked.is_ok() { "COMMIT" } else { "ROLLBACK" })?;

@@ -13,7 +13,7 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
-use super::indexed::{AllEntries, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
+use super::indexed::{AllEntries, Defined, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
 use super::keys::seal;
 use super::scan::check_ending;
 use super::{Embedded, body};
@@ -43,9 +43,17 @@ impl Embedded {
         if let Some(indexes) = self.indexes.get(collection) {
             return Ok(indexes);
         }
-        let indexes = Arc::new(self.load_indexes(collection)?);
+        let indexes = Arc::new(self.load(collection)?);
         self.indexes.set(collection, &indexes);
         Ok(indexes)
+    }
+
+    /// Reads how a collection is defined.
+    pub(super) fn load(&self, collection: Collection) -> Result<Defined, StoreError> {
+        let indexes = self.load_indexes(collection)?;
+        let collation = of_ids(&indexes).and_then(|ids| ids.pattern.collation());
+        let validation = self.load_validation(collection, collation)?;
+        Ok(Defined { indexes, validation })
     }
 
     fn load_indexes(&self, collection: Collection) -> Result<Vec<Indexed>, StoreError> {
@@ -290,7 +298,7 @@ impl Embedded {
         self.fill(ns, collection, &made)?;
         self.catalog_cache.advance(&self.connection, collection).map_err(|e| self.explain(&e))?;
         let collection = collection.reread(&self.connection).map_err(|e| self.explain(&e))?;
-        let indexes = Arc::new(self.load_indexes(collection)?);
+        let indexes = Arc::new(self.load(collection)?);
         self.indexes.set(collection, &indexes);
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! An index as a store uses it, and the cache of indexes.
 
 use std::collections::HashMap;
+use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,6 +9,7 @@ use bson::RawDocument;
 
 use super::catalog::Collection;
 use super::keys::Keys;
+use super::validating::Validating;
 use crate::query::collation::during;
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Filter, QueryError};
@@ -32,8 +34,23 @@ pub(super) const PARTIAL: &str = "partialFilterExpression";
 /// The option of an index that queries do not use.
 pub(super) const HIDDEN: &str = "hidden";
 
-/// The indexes of one collection.
-pub(super) type Indexes = Arc<Vec<Indexed>>;
+/// How a collection is defined: its indexes, but for that on `_id`, and which documents it takes.
+#[derive(Debug)]
+pub(super) struct Defined {
+    pub(super) indexes: Vec<Indexed>,
+    pub(super) validation: Option<Validating>,
+}
+
+impl Deref for Defined {
+    type Target = [Indexed];
+
+    fn deref(&self) -> &[Indexed] {
+        &self.indexes
+    }
+}
+
+/// The definition of one collection.
+pub(super) type Indexes = Arc<Defined>;
 
 /// The cached indexes, by collection, with their generation.
 #[derive(Debug, Default)]

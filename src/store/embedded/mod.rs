@@ -50,10 +50,12 @@ mod staged;
 mod statistics;
 mod transaction;
 mod unconstrained;
+mod validating;
+mod validation;
 mod verbs;
 mod watcher;
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -67,7 +69,7 @@ use place::Place;
 use spare::Spare;
 use transaction::Log;
 
-use crate::store::FileIdentity;
+use crate::store::{FileIdentity, Warn};
 
 pub use busy::tell_waits;
 pub use file::VERSION;
@@ -93,6 +95,10 @@ pub struct Embedded {
     is_reading: Cell<bool>,
     /// Until when documents may be read, where that is limited.
     reads_until: Cell<Option<Instant>>,
+    /// Whether documents are stored that do not pass the validator of their collection.
+    is_bypassing: Cell<bool>,
+    /// Takes warnings.
+    warn: RefCell<Option<Warn>>,
     /// Whether what is written makes room.
     is_deleting: Cell<bool>,
     /// Whether the disk was nearly full when something was written last, or nothing was written yet.

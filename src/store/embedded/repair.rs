@@ -1,7 +1,7 @@
 //! Repairing a damaged file: `rmem repair`.
 //!
 //! In place, all indexes are made anew from the documents. Into a new file, every document that
-//! can be read is copied, with the indexes, the names of watches and the log of changes.
+//! can be read is copied, with the indexes and validators, the names of watches and the log of changes.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::damage::Damage;
 use super::new_file::NewFile;
 use super::page::PageError;
 use super::place::Place;
-use super::{Embedded, body, change_log, failure, file, history};
+use super::{Embedded, body, change_log, failure, file, history, validation};
 use crate::query::QueryError;
 use crate::store::{Index, Namespace, Store as _, StoreError, document, index};
 
@@ -185,7 +185,22 @@ impl Embedded {
                 Err(error) => done.lost.push(format!("{ns}: an index: {}: {error}", index.name)),
             }
         }
-        Ok(())
+        // Behind the documents, which may be older than it.
+        match validation::kept(source, id) {
+            Ok(None) => Ok(()),
+            Ok(Some(bytes)) => match validation::read(&bytes) {
+                Ok(validation) => self.change_validation(ns, &validation),
+                Err(error) => {
+                    done.lost.push(format!("{ns}: its validator: {error}"));
+                    Ok(())
+                }
+            },
+            Err(error) if failure::is_full_disk(&error) => Err(self.explain(&error)),
+            Err(error) => {
+                done.lost.push(format!("{ns}: its validator: {error}"));
+                Ok(())
+            }
+        }
     }
 
     /// Makes an index as it is defined. That on `_id` is the first one, and says what collation the collection has.

@@ -12,25 +12,28 @@ use super::place::Place;
 use super::slices::Slice;
 use crate::query::QueryError;
 use crate::store::staging::{OUT, is_litter, name};
-use crate::store::{Index, Namespace, StoreError, document, index};
+use crate::store::{Index, Namespace, StoreError, Validation, document, index};
 
 /// MongoDB's code where the indexes of the target are others at the end than at the beginning.
 const INDEXES_CHANGED: i32 = 28_769;
 
+/// The indexes of a collection, and which documents it takes.
+type Definition = (Vec<Index>, Option<Validation>);
+
 impl Embedded {
-    /// Replaces the documents of a collection, which keeps its indexes.
+    /// Replaces the documents of a collection, which keeps its indexes and its validator.
     pub(super) fn replace_collection(&self, ns: &Namespace, results: Results<'_>) -> Result<(), StoreError> {
         if self.place == Place::Memory || !self.connection.is_autocommit() {
             return self.write(|| self.replace_in_place(ns, results));
         }
         self.sweep_staged(&ns.database)?;
         let staged = name(OUT, ns);
-        let replaced = self.stage(ns, &staged, results).and_then(|indexes| self.swap(&staged, ns, &indexes));
+        let replaced = self.stage(ns, &staged, results).and_then(|definition| self.swap(&staged, ns, &definition));
         if replaced.is_err() {
             // The error that is returned says also why it could not be removed.
             let _ = self.unstage(&staged);
         }
-        replaced.map_err(|error| about(ns, error))
+        replaced.map_err(|error| error.renamed(ns))
     }
 
     /// Replaces the documents within one transaction.
@@ -49,12 +52,15 @@ impl Embedded {
         self.add(ns, collection, &id, &body)
     }
 
-    /// Fills a collection that is like another one; returns the indexes of both.
-    fn stage(&self, ns: &Namespace, staged: &Namespace, results: Results<'_>) -> Result<Vec<Index>, StoreError> {
-        let indexes = self.list_indexes(ns)?;
+    /// Fills a collection that is like another one; returns the definition of both.
+    fn stage(&self, ns: &Namespace, staged: &Namespace, results: Results<'_>) -> Result<Definition, StoreError> {
+        let (indexes, validation) = self.definition(ns)?;
         self.create_collection(staged, index::collation(&indexes).as_ref())?;
         for index in indexes.iter().filter(|index| index.name != index::ID) {
             self.create(staged, index)?;
+        }
+        if let Some(validation) = &validation {
+            self.change_validation(staged, validation)?;
         }
         // What is staged is no change: where it fails, it is removed.
         self.in_slices(&Cell::new(0), &mut |limit| {
@@ -67,14 +73,19 @@ impl Embedded {
             }
             Ok(Slice::Last)
         })?;
-        Ok(indexes)
+        Ok((indexes, validation))
+    }
+
+    fn definition(&self, ns: &Namespace) -> Result<Definition, StoreError> {
+        Ok((self.list_indexes(ns)?, self.validation_of(ns)?))
     }
 
     /// Gives a staged collection the name that it is for.
-    fn swap(&self, staged: &Namespace, ns: &Namespace, indexes: &[Index]) -> Result<(), StoreError> {
+    fn swap(&self, staged: &Namespace, ns: &Namespace, definition: &Definition) -> Result<(), StoreError> {
         self.write(|| {
-            if self.list_indexes(ns)? != indexes {
-                let message = format!("the indexes of {ns} were changed while $out was written; repeat it");
+            if self.definition(ns)? != *definition {
+                let message =
+                    format!("the indexes or the validator of {ns} were changed while $out was written; repeat it");
                 return Err(QueryError::invalid(INDEXES_CHANGED, message).into());
             }
             self.take_name(staged, ns)
@@ -93,14 +104,6 @@ impl Embedded {
             self.unstage(ns)?;
         }
         Ok(())
-    }
-}
-
-/// An error about a staged collection, said of the one that it is for.
-fn about(ns: &Namespace, error: StoreError) -> StoreError {
-    match error {
-        StoreError::Duplicate { key, stored, .. } => StoreError::Duplicate { namespace: ns.clone(), key, stored },
-        other => other,
     }
 }
 

@@ -17,7 +17,7 @@ use crate::saturate::to_i64;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
     Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Validated,
-    Values,
+    Validation, Values, Warn,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -137,6 +137,23 @@ impl Store for Embedded {
 
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
         self.create_collection(ns, collation)
+    }
+
+    fn validation(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
+        self.validation_of(ns)
+    }
+
+    fn set_validation(&self, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
+        self.change_validation(ns, validation)
+    }
+
+    fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        let _bypassing = self.bypassing();
+        work()
+    }
+
+    fn warn_by(&self, warn: Warn) {
+        self.warn.replace(Some(warn));
     }
 
     fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
@@ -409,6 +426,7 @@ impl Embedded {
 
     /// Removes a collection with its indexes. In a write transaction only.
     pub(super) fn erase_collection(&self, collection: Collection) -> Result<(), StoreError> {
+        self.forget_validation(collection)?;
         self.forget_indexes(collection)?;
         self.catalog_cache.forget();
         collection.drop(&self.connection).map_err(|e| self.explain(&e))

@@ -1,15 +1,18 @@
 //! The driver's errors in the words of [`StoreError`].
 
-use bson::Bson;
+use bson::{Bson, Document};
 use mongodb::error::{Error, ErrorKind, WriteFailure};
 
 use super::server_message;
 use crate::deadline;
 use crate::query::QueryError;
-use crate::store::{Namespace, StoreError, TakenKey};
+use crate::store::{InvalidDocument, Namespace, StoreError, TakenKey};
 
 /// The server's code for a taken unique key.
 const DUPLICATE: i32 = 11000;
+
+/// The server's code for a document that does not pass the validator of its collection.
+const INVALID: i32 = 121;
 
 /// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
@@ -98,8 +101,35 @@ fn sent(explained: StoreError, error: &Error, what: impl FnOnce() -> String) -> 
     }
 }
 
+/// The error of a write to `ns` whose document does not pass the validator of its collection; none for any other.
+pub(super) fn invalid(ns: &Namespace, error: &Error) -> Option<StoreError> {
+    let (code, details) = match error.kind.as_ref() {
+        ErrorKind::Write(WriteFailure::WriteError(write)) => (write.code, write.details.clone()),
+        ErrorKind::Command(command) => (command.code, None),
+        ErrorKind::InsertMany(many) => {
+            let first = many.write_errors.as_ref()?.first()?;
+            (first.code, first.details.clone())
+        }
+        _ => return None,
+    };
+    let response = || {
+        let response = Document::try_from(error.server_response()?).ok()?;
+        response.get_document("errInfo").ok().cloned()
+    };
+    (code == INVALID).then(|| {
+        let info = details.or_else(response).unwrap_or_default();
+        let details = info.get_document("details").cloned().unwrap_or_default();
+        let id = info.get("failingDocumentId").cloned();
+        let is_truncated = info.get_bool("truncated").unwrap_or(false) || info.contains_key("note");
+        StoreError::Invalid(Box::new(InvalidDocument { namespace: ns.clone(), id, details, is_truncated }))
+    })
+}
+
 /// Puts the error of a write to `ns` into words.
 pub(super) fn explain_write(address: &str, ns: &Namespace, error: &Error) -> StoreError {
+    if let Some(invalid) = invalid(ns, error) {
+        return invalid;
+    }
     match error.kind.as_ref() {
         ErrorKind::Write(WriteFailure::WriteError(write)) if write.code == DUPLICATE => {
             StoreError::Duplicate { namespace: ns.clone(), key: key(&write.message), stored: Vec::new() }
@@ -135,6 +165,9 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
         return StoreError::Stopped { stored: ids.to_vec(), document: None, source };
     };
     let stored = ids.get(..first.index).unwrap_or_default().to_vec();
+    if let Some(invalid) = invalid(ns, error) {
+        return invalid.stopped(stored, ids.len());
+    }
     if first.code != DUPLICATE {
         return coded(address, first.code, &first.message).stopped(stored, ids.len());
     }

@@ -19,6 +19,7 @@ mod raw;
 mod server_message;
 mod single_step;
 mod update;
+mod validation;
 mod verbs;
 mod visible;
 mod waiting;
@@ -28,6 +29,7 @@ mod write_policy;
 pub use raw::Raw;
 
 use std::collections::HashSet;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, OnceLock};
 
 use mongodb::sync::Client;
@@ -43,6 +45,8 @@ pub struct MongoDb {
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.
     version: OnceLock<i32>,
+    /// Whether documents are stored that do not pass the validator of their collection.
+    is_bypassing: AtomicBool,
     /// Which members have to confirm writes.
     write_policy: write_policy::WritePolicy,
     /// The URI without credentials and options.

@@ -1,7 +1,7 @@
 //! The operations of [`Store`], each one call of the driver.
 
 use std::cell::Cell;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
@@ -10,14 +10,14 @@ use mongodb::results::UpdateResult;
 use super::history::Made;
 use super::update::is_replacement;
 use super::visible::{behind_expression, for_server, in_stages};
-use super::{MongoDb, failure};
+use super::{MongoDb, failure, validation};
 use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::{
     Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
-    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Values, WriteConcern,
+    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
 };
 
 /// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
@@ -49,6 +49,18 @@ macro_rules! modified {
             $action = $action.hint(hint_of_driver(hint));
         }
     };
+}
+
+/// An action of the driver that stores documents also where they do not pass the validator of their collection, where the
+/// store does so at present.
+macro_rules! bypassing {
+    ($store:expr, $action:expr) => {{
+        let mut action = $action;
+        if $store.is_bypassing.load(Ordering::Relaxed) {
+            action = action.bypass_document_validation(true);
+        }
+        action
+    }};
 }
 
 /// The server's own databases.
@@ -135,9 +147,10 @@ impl Store for MongoDb {
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
         let collection = self.collection(ns);
-        let action = collection.aggregate(in_stages(pipeline.stages));
+        let action = bypassing!(self, collection.aggregate(in_stages(pipeline.stages)));
         let action = modified!(action, pipeline.modifiers, collation variables hint time);
-        let cursor = action.with_type::<RawDocumentBuf>().run().map_err(|e| self.explain(&e))?;
+        let run = action.with_type::<RawDocumentBuf>().run();
+        let cursor = run.map_err(|e| failure::invalid(ns, &e).unwrap_or_else(|| self.explain(&e)))?;
         Ok(Box::new(cursor.map(|document| document.map_err(|e| self.explain(&e)))))
     }
 
@@ -225,16 +238,49 @@ impl Store for MongoDb {
     }
 
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
+        self.create_validating(ns, collation, &Validation::default())
+    }
+
+    fn create_validating(
+        &self,
+        ns: &Namespace,
+        collation: Option<&Collation>,
+        validation: &Validation,
+    ) -> Result<bool, StoreError> {
         let database = self.client().database(&ns.database);
         let mut action = database.create_collection(&ns.collection);
         if let Some(collation) = collation.filter(|collation| !collation.is_simple()) {
             action = action.collation(of_driver(collation)?);
+        }
+        if let Some(validator) = &validation.validator {
+            action = action.validator(validator.clone());
+        }
+        if let Some(level) = validation.level {
+            action = action.validation_level(validation::level(level));
+        }
+        if let Some(what) = validation.action {
+            action = action.validation_action(validation::action(what));
         }
         match action.run() {
             Ok(()) => Ok(true),
             Err(error) if failure::code(&error) == Some(48) => Ok(false),
             Err(error) => Err(self.explain(&error)),
         }
+    }
+
+    fn validation(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
+        self.validation_of(ns)
+    }
+
+    fn set_validation(&self, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
+        self.change_validation(ns, validation)
+    }
+
+    fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        let before = self.is_bypassing.swap(true, Ordering::Relaxed);
+        let result = work();
+        self.is_bypassing.store(before, Ordering::Relaxed);
+        result
     }
 
     fn confirmed(
@@ -338,7 +384,8 @@ impl MongoDb {
         }
         let mut stored = 0;
         while stored < bodies.len() {
-            let inserted = self.collection(ns).insert_many(&bodies[stored..]).run();
+            let collection = self.collection(ns);
+            let inserted = bypassing!(self, collection.insert_many(&bodies[stored..])).run();
             let Err(error) = inserted.map_err(|e| failure::explain_insert(&self.address, ns, &ids[stored..], &e))
             else {
                 break;
@@ -464,7 +511,7 @@ impl MongoDb {
             true => collection.update_many(update.filter.clone(), changes),
             false => collection.update_one(update.filter.clone(), changes),
         };
-        action = modified!(action, &update.modifiers, collation variables hint);
+        action = bypassing!(self, modified!(action, &update.modifiers, collation variables hint));
         if !update.array_filters.is_empty() {
             action = action.array_filters(update.array_filters.clone());
         }
@@ -485,7 +532,7 @@ impl MongoDb {
         let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
         let collection = self.collection(ns);
         let action = collection.replace_one(update.filter.clone(), body);
-        let action = modified!(action, &update.modifiers, collation variables hint);
+        let action = bypassing!(self, modified!(action, &update.modifiers, collation variables hint));
         action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 }

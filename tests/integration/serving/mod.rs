@@ -17,6 +17,7 @@ mod snapshots;
 mod streams;
 mod suites;
 mod transactions;
+mod validators;
 mod wire;
 
 use std::io::{BufRead as _, BufReader};
@@ -40,7 +41,8 @@ type Case = fn() -> Result<(), Failed>;
 type Beside = fn(&str) -> Result<(), Failed>;
 
 /// All of that.
-pub(crate) const BESIDE: [&[(&str, Beside)]; 4] = [arguments::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE];
+pub(crate) const BESIDE: [&[(&str, Beside)]; 5] =
+    [arguments::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE, validators::BESIDE];
 
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -48,7 +50,14 @@ pub(crate) fn trials() -> Vec<Trial> {
         [clients::CASES, failures::CASES, kills::CASES, login::CASES, messages::CASES, process::CASES, streams::CASES];
     let cases = cases
         .into_iter()
-        .chain([keys::CASES, operations::CASES, retries::CASES, snapshots::CASES, transactions::CASES])
+        .chain([
+            keys::CASES,
+            operations::CASES,
+            retries::CASES,
+            snapshots::CASES,
+            transactions::CASES,
+            validators::CASES,
+        ])
         .flatten();
     let mut trials: Vec<Trial> = cases.map(|(name, case)| Trial::test(format!("serving::{name}"), case)).collect();
     trials.extend(suites::trials());

@@ -161,10 +161,15 @@ impl<'a> Operations<'a> {
                 self.left_out.push(format!("{ns}: a view is not made"));
                 return Ok(None);
             }
-            "create" => Operation::Create(match object.get_document("collation") {
-                Ok(spec) => Some(Collation::parse(spec).map_err(|error| error.message)?),
-                Err(_) => None,
-            }),
+            "create" => {
+                if object.contains_key("validator") {
+                    self.left_out.push(format!("{ns}: its validator is not set"));
+                }
+                Operation::Create(match object.get_document("collation") {
+                    Ok(spec) => Some(Collation::parse(spec).map_err(|error| error.message)?),
+                    Err(_) => None,
+                })
+            }
             "drop" => Operation::Drop,
             "dropDatabase" => Operation::DropDatabase,
             "renameCollection" => {

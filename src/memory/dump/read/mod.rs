@@ -22,8 +22,8 @@ use super::world_file::{Identities, WorldError, WorldFile};
 use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
 use crate::input::decode;
-use crate::query::{Collation, QueryError, key};
-use crate::store::{Index, Namespace, document};
+use crate::query::{Collation, QueryError, Validator, key};
+use crate::store::{Index, Namespace, Validation, document};
 use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
 /// The bytes with which a file of SQLite begins (its documentation, "Database File Format", section 1.3.1).
@@ -62,6 +62,8 @@ pub struct Part {
     pub indexes: Option<Vec<Index>>,
     /// How its strings compare, where that is not byte by byte; `None` where the dump does not say so.
     pub collation: Option<Option<Collation>>,
+    /// Which documents it takes; `None` where the dump does not say so.
+    pub validation: Option<Validation>,
     content: Content,
     /// Whether documents without an `_id` get one.
     adds_ids: bool,
@@ -148,6 +150,7 @@ impl Dump {
         let world = Rc::new(world);
         let part = |(namespace, count): (&Namespace, u64)| Part {
             collation: None,
+            validation: None,
             namespace: namespace.clone(),
             indexes: None,
             content: Content::WorldFile(Rc::clone(&world), namespace.clone(), count),
@@ -248,8 +251,18 @@ impl Dump {
                 None
             }
         });
+        let validation = metadata.map(|metadata| {
+            let read = Validation::read(&metadata.validation).and_then(|validation| {
+                validation.validator.as_ref().map(Validator::parse).transpose()?;
+                Ok(validation)
+            });
+            read.unwrap_or_else(|error| {
+                self.notes.push(format!("the validator of {namespace} is not restored: {}", error.message));
+                Validation::default()
+            })
+        });
         let parts = if is_own { &mut self.own } else { &mut self.parts };
-        parts.push(Part { namespace, indexes, collation, content, adds_ids: false });
+        parts.push(Part { namespace, indexes, collation, validation, content, adds_ids: false });
     }
 
     /// Sends the one collection of the dump to another namespace. One of the server's own is the one where there is

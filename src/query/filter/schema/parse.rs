@@ -148,6 +148,9 @@ fn types(keyword: &str, value: &Bson, json: bool) -> Result<TypeSet> {
             return Err(invalid(format!("$jsonSchema keyword '{keyword}' has a duplicate value: {name}")));
         }
         seen.push(name);
+        if json && name == "integer" {
+            return Err(invalid("$jsonSchema type 'integer' is not currently supported"));
+        }
         if json {
             let known = JSON_TYPES.iter().find(|(known, _)| known == name).map(|(_, alias)| *alias);
             types.add_name(known.ok_or_else(|| QueryError::bad_value(format!("unknown type name alias: {name}")))?)?;
