@@ -279,7 +279,7 @@ mod tests {
         let validator = Some(doc! { "name": "ABC" });
         store.create_validating(&ns(), Some(&collation), &Validation { validator, ..Validation::default() }).unwrap();
         store.insert(&ns(), vec![doc! { "_id": 1, "name": "abc" }]).unwrap();
-        assert!(store.insert(&ns(), vec![doc! { "_id": 2, "name": "abd" }]).is_err());
+        assert!(store.insert(&ns(), vec![doc! { "_id": 2, "name": "abx" }]).is_err());
     }
 
     #[test]
