@@ -7,6 +7,7 @@ use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
+use crate::store::validation::collection_options;
 
 /// List the collections
 #[derive(Debug, Args)]
@@ -27,10 +28,8 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
     }
     let mut described = Vec::with_capacity(names.len());
     for name in names {
-        let mut options = memory.validation(&name)?.unwrap_or_default().options();
-        if let Some(collation) = memory.collation(&name)? {
-            options.insert("collation", collation.definition().clone());
-        }
+        let (validation, collation) = (memory.validation(&name)?, memory.collation(&name)?);
+        let options = collection_options(validation.as_ref(), collation.as_ref());
         let line = format!("{name} {}", shell::relaxed(&options));
         described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));
     }

@@ -187,7 +187,7 @@ impl Routes {
         self.both().try_for_each(|lazy| lazy.limit_cache(bytes))
     }
 
-    /// Has the stores that are open let go of what they keep of what was read.
+    /// Frees the caches of the stores that are open.
     pub(super) fn free_caches(&self) {
         self.both().filter_map(|lazy| lazy.store.get()).for_each(|store| store.free_cache());
     }
@@ -229,11 +229,17 @@ impl Routes {
 
     /// [`Routes::collections`], of the stores that no server keeps.
     pub(super) fn collections_in_files(&self) -> Result<Vec<Namespace>, StoreError> {
+        self.listed(self.in_files())
+    }
+
+    /// The collections that belong to these stores, sorted.
+    fn listed<'a>(&self, stores: impl Iterator<Item = &'a Lazy>) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
-        for lazy in self.in_files() {
+        for lazy in stores {
             let found = lazy.reading()?.collections()?;
             all.extend(found.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy)));
         }
+        all.sort();
         Ok(all)
     }
 
@@ -285,6 +291,11 @@ impl Routes {
         std::iter::once(&self.local).chain(&self.shared)
     }
 
+    /// The shared store, where it is another than the local one and databases are in it.
+    fn used(&self) -> Option<&Lazy> {
+        self.shared.as_ref().filter(|_| !self.shared_databases.is_empty())
+    }
+
     /// Those that no server keeps.
     fn in_files(&self) -> impl Iterator<Item = &Lazy> {
         self.both().filter(|lazy| !lazy.is_on_server())
@@ -305,10 +316,9 @@ impl Routes {
         self.in_files().map(Lazy::reading).collect()
     }
 
-    /// The shared store where databases are in it and it is another than the local one, for reading.
+    /// The shared store that is used, for reading.
     pub(super) fn shared(&self) -> Result<Option<&dyn Store>, StoreError> {
-        let shared = self.shared.as_ref().filter(|_| !self.shared_databases.is_empty());
-        shared.map(Lazy::reading).transpose()
+        self.used().map(Lazy::reading).transpose()
     }
 
     /// The store that a scope is in; that of everything is the local one.
@@ -327,15 +337,7 @@ impl Routes {
 
     /// All collections, each in the store its database belongs to, sorted.
     pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
-        let mut all = self.local.reading()?.collections()?;
-        if let Some(shared) = &self.shared {
-            all.retain(|ns| !self.is_shared(ns));
-            if !self.shared_databases.is_empty() {
-                all.extend(shared.reading()?.collections()?.into_iter().filter(|ns| self.is_shared(ns)));
-            }
-            all.sort();
-        }
-        Ok(all)
+        self.listed(std::iter::once(&self.local).chain(self.used()))
     }
 
     /// The collections in the store of `ns`, without asking another store.

@@ -61,7 +61,7 @@ impl Memory {
         self.routes.limit_caches(bytes)
     }
 
-    /// Has the stores that are open let go of what they keep of what was read.
+    /// Frees the caches of the stores that are open; see [`Store::free_cache`].
     pub fn free_caches(&self) {
         self.routes.free_caches();
     }

@@ -45,7 +45,7 @@ fn linger(mut host: Host<'_>) {
     while host.has_cursors() && !host.server.is_stopping() {
         match host.inbox.receive(EXPIRY_INTERVAL.min(Duration::from_secs(1))) {
             Some(message) => host.handle(message),
-            None => host.rest(),
+            None => host.free_caches(),
         }
         host.expire();
     }
@@ -105,7 +105,7 @@ impl Connection<'_> {
                         return Ok(false);
                     }
                     self.host.expire();
-                    self.host.rest();
+                    self.host.free_caches();
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.into()),
@@ -123,7 +123,7 @@ impl Connection<'_> {
                 let wakeup = PollFd::new(self.host.inbox.wakeup(), PollFlags::IN);
                 let mut both = [stream, wakeup];
                 match poll(&mut both, limit.as_ref()) {
-                    Ok(0) => self.host.rest(),
+                    Ok(0) => self.host.free_caches(),
                     Ok(_) => {
                         let mut has_come = both.iter().map(|one| !one.revents().is_empty());
                         received = has_come.next().unwrap_or(true);

@@ -98,8 +98,8 @@ impl<'m> Host<'m> {
         self.memory.get()
     }
 
-    /// Lets go of what it keeps of what was read: nobody asks for anything now.
-    pub(super) fn rest(&self) {
+    /// Frees what is kept of what was read, while the connection is idle.
+    pub(super) fn free_caches(&self) {
         if let Some(memory) = self.memory.opened() {
             memory.free_caches();
         }

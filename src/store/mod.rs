@@ -154,11 +154,6 @@ pub trait Store: Send {
     /// Keeps the index of that name from queries, or gives it back to them; returns whether it exists.
     fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError>;
 
-    /// Whether the store removes what its indexes expire without being asked, as mongod does.
-    fn expires_by_itself(&self) -> bool {
-        false
-    }
-
     /// The indexes of a collection, that on `_id` first; none where there is no collection.
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError>;
 
@@ -367,7 +362,7 @@ pub trait Store: Send {
         Ok(())
     }
 
-    /// Lets go of what it keeps of what was read in this process, to be read again.
+    /// Frees what the store keeps in this process of what was read.
     fn free_cache(&self) {}
 
     /// How a view is defined (`viewOn`, `pipeline`); none where the name is that of a collection, or of nothing.

@@ -79,6 +79,12 @@ impl Namespace {
     }
 }
 
+/// Whether a database is one of a MongoDB server's own.
+#[must_use]
+pub fn is_internal(database: &str) -> bool {
+    matches!(database, "admin" | "config" | "local")
+}
+
 impl FromStr for Namespace {
     type Err = NamespaceError;
 

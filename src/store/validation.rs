@@ -1,12 +1,14 @@
 //! Which documents a collection takes: its validator, and what is done with documents that do not pass it.
 
+use std::cell::Cell;
 use std::fmt;
 
 use bson::{Bson, Document};
 
+use super::index::COLLATION;
 use super::namespace::Namespace;
 use crate::formats::shell;
-use crate::query::QueryError;
+use crate::query::{Collation, QueryError};
 
 /// The option of a collection that says which documents it takes.
 pub const VALIDATOR: &str = "validator";
@@ -95,6 +97,16 @@ impl Validation {
     }
 }
 
+/// The options of a collection, as MongoDB lists them.
+#[must_use]
+pub fn collection_options(validation: Option<&Validation>, collation: Option<&Collation>) -> Document {
+    let mut options = validation.map(Validation::options).unwrap_or_default();
+    if let Some(collation) = collation {
+        options.insert(COLLATION, collation.definition().clone());
+    }
+    options
+}
+
 fn choice<T: Copy>(options: &Document, name: &str, choices: &[(&str, T)]) -> Result<Option<T>, QueryError> {
     let said = match options.get(name) {
         None | Some(Bson::Null | Bson::Undefined) => return Ok(None),
@@ -106,6 +118,24 @@ fn choice<T: Copy>(options: &Document, name: &str, choices: &[(&str, T)]) -> Res
     found.map(|(_, value)| Some(*value)).ok_or_else(|| {
         QueryError::bad_value(format!("{name} is one of {}, not {}", names(), shell::relaxed_value(&said.into())))
     })
+}
+
+/// While this lives, documents are stored also where they do not pass; then it is as before, also where a write panics.
+pub(super) struct Bypassing<'a> {
+    is_bypassing: &'a Cell<bool>,
+    before: bool,
+}
+
+impl<'a> Bypassing<'a> {
+    pub(super) fn begin(is_bypassing: &'a Cell<bool>) -> Self {
+        Self { is_bypassing, before: is_bypassing.replace(true) }
+    }
+}
+
+impl Drop for Bypassing<'_> {
+    fn drop(&mut self) {
+        self.is_bypassing.set(self.before);
+    }
 }
 
 /// A document that does not pass the validator of its collection.

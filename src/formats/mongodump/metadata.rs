@@ -13,15 +13,9 @@ pub struct Metadata {
     pub kind: CollectionKind,
     /// The definitions of its indexes, but the one on `_id`.
     pub indexes: Vec<Document>,
-    /// How its strings compare, where that is not byte by byte.
-    pub collation: Option<Document>,
-    /// The options that say which documents it takes: `validator`, `validationLevel`, `validationAction`, as far as it has
-    /// them.
-    pub validation: Document,
+    /// Its options, such as `collation` and `validator`, as far as it has any.
+    pub options: Document,
 }
-
-/// The options of a collection that say which documents it takes.
-const VALIDATION: [&str; 3] = ["validator", "validationLevel", "validationAction"];
 
 /// What a collection is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,8 +34,7 @@ impl Metadata {
             collection: Some(collection.to_owned()),
             kind: CollectionKind::Collection,
             indexes: Vec::new(),
-            collation: None,
-            validation: Document::new(),
+            options: Document::new(),
         }
     }
 
@@ -52,20 +45,16 @@ impl Metadata {
     pub fn parse(source: &Source) -> Result<Self, Diagnostic> {
         let document = shell::parse_document(source)?;
         let text = |key: &str| document.get_str(key).ok().map(str::to_owned);
-        let is_view = document.get_document("options").is_ok_and(|options| options.contains_key("viewOn"));
+        let options = document.get_document("options").cloned().unwrap_or_default();
         let kind = match text("type").unwrap_or_else(|| "collection".to_owned()) {
-            _ if is_view => CollectionKind::Other("view".to_owned()),
+            _ if options.contains_key("viewOn") => CollectionKind::Other("view".to_owned()),
             kind if kind == "collection" => CollectionKind::Collection,
             kind => CollectionKind::Other(kind),
         };
         let indexes = document.get_array("indexes").map(Vec::as_slice).unwrap_or_default();
         let definitions = indexes.iter().filter_map(Bson::as_document);
         let indexes = definitions.filter(|index| index.get_str("name").ok() != Some("_id_")).cloned().collect();
-        let options = document.get_document("options");
-        let collation = options.as_ref().ok().and_then(|options| options.get_document("collation").ok()).cloned();
-        let option = |name: &str| Some((name.to_owned(), options.as_ref().ok()?.get(name)?.clone()));
-        let validation = VALIDATION.into_iter().filter_map(option).collect();
-        Ok(Self { collection: text("collectionName"), kind, indexes, collation, validation })
+        Ok(Self { collection: text("collectionName"), kind, indexes, options })
     }
 
     /// The text for a collection.
@@ -73,13 +62,11 @@ impl Metadata {
     pub fn write(&self) -> String {
         let mut ids = doc! { "v": 2, "key": { "_id": 1 }, "name": "_id_" };
         let mut metadata = Document::new();
-        if let Some(collation) = &self.collation {
+        if let Some(collation) = self.options.get("collation") {
             ids.insert("collation", collation.clone());
         }
-        let mut options = self.validation.clone();
-        options.extend(self.collation.iter().map(|collation| ("collation".to_owned(), collation.clone().into())));
-        if !options.is_empty() {
-            metadata.insert("options", options);
+        if !self.options.is_empty() {
+            metadata.insert("options", self.options.clone());
         }
         let indexes: Vec<Document> = std::iter::once(ids).chain(self.indexes.iter().cloned()).collect();
         metadata.extend(doc! {
@@ -104,10 +91,12 @@ mod tests {
         let indexed =
             Metadata { indexes: vec![doc! { "v": 2, "key": { "n": -1 }, "name": "n" }], ..Metadata::plain("x") };
         assert_eq!(parse(&indexed.write()), indexed);
-        let collated = Metadata { collation: Some(doc! { "locale": "en", "strength": 2 }), ..indexed.clone() };
+        let options = doc! { "collation": { "locale": "en", "strength": 2 } };
+        let collated = Metadata { options: options.clone(), ..indexed.clone() };
         assert_eq!(parse(&collated.write()), collated);
-        let validation = doc! { "validator": { "n": { "$gt": 0 } }, "validationAction": "warn" };
-        let validating = Metadata { validation, ..collated.clone() };
+        let mut all = doc! { "validator": { "n": { "$gt": 0 } }, "validationAction": "warn" };
+        all.extend(options);
+        let validating = Metadata { options: all, ..collated.clone() };
         assert_eq!(parse(&validating.write()), validating);
         let metadata = Metadata::plain("a.b");
         assert_eq!(parse(&metadata.write()), metadata);
@@ -127,8 +116,7 @@ mod tests {
                 collection: None,
                 kind: CollectionKind::Collection,
                 indexes: vec![doc! { "key": { "n": 1 }, "name": "n_1" }],
-                collation: None,
-                validation: Document::new(),
+                options: Document::new(),
             }
         );
         assert_eq!(parse(r#"{"options":{"viewOn":"x"},"indexes":[]}"#).kind, CollectionKind::Other("view".to_owned()));

@@ -16,7 +16,8 @@ use crate::store::{Documents, Embedded, Find, Index, Namespace, Store as _, Stor
 /// How many documents are copied at once.
 const BATCH: usize = 1_000;
 
-/// Checks the unique keys of a dump, and whether its documents pass the validator that stays, beside what is there or, with `drop`, instead of it.
+/// Checks the unique keys of a dump, and whether its documents pass the validator that stays, beside what is there or, with
+/// `drop`, instead of it.
 ///
 /// # Errors
 /// The one that a restore would fail with; where the dump cannot be read, or a store fails.
@@ -120,17 +121,17 @@ impl<'a> TrialStore<'a> {
 
     fn fill(&self, plan: &RestorePlan<'_>) -> Result<(), RestoreError> {
         let failed = |source| unchanged(self.namespace, source);
-        let validation = plan.validation.clone().unwrap_or_default();
-        self.store.create_validating(self.namespace, plan.collation.as_ref(), &validation).map_err(failed)?;
+        self.store.create(self.namespace, plan.collation.as_ref()).map_err(failed)?;
         self.index(&plan.before)?;
         if let Some(memory) = plan.present {
             let mut stored = memory.stored(self.namespace, &Find::default()).map_err(failed)?;
             while let Some(batch) = some(&mut stored).map_err(failed)? {
-                let mut batch = Some(batch);
-                // What is there stays, whether or not it passes.
-                let put = &mut || self.store.put(self.namespace, batch.take().unwrap_or_default(), None).map(drop);
-                self.store.unvalidated(put).map_err(failed)?;
+                self.store.put(self.namespace, batch, None).map_err(failed)?;
             }
+        }
+        // Behind what is there, which stays whether or not it passes.
+        if let Some(validation) = &plan.validation {
+            self.store.set_validation(self.namespace, validation).map_err(failed)?;
         }
         for batch in batches(plan.part.documents()?) {
             let batch = undated(batch?);

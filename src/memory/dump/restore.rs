@@ -101,9 +101,8 @@ pub fn restore(memory: &Memory, dump: &Dump, options: RestoreOptions<'_>) -> Res
         };
         for (restored, part) in foreseen.iter_mut().zip(&dump.parts) {
             if !options.drop {
-                let is_there = |indexes: Vec<Index>| !indexes.is_empty();
                 let failed = |source| unchanged(&part.namespace, source);
-                let is_there = memory.indexes(&part.namespace).map(is_there).map_err(failed)?;
+                let is_there = !memory.indexes(&part.namespace).map_err(failed)?.is_empty();
                 restored.without.extend(other_options(memory, part, is_there).map_err(failed)?);
             }
             restored.without.extend(dry_run::refused(memory, part)?);
@@ -165,9 +164,9 @@ fn put(
         let mut restored = Restored::nothing(&part.namespace);
         let mut is_new = false;
         if !dry_run {
-            let prepared = prepare(memory, part).map_err(|source| unchanged(&part.namespace, source))?;
-            is_new = prepared.0;
-            restored.without.extend(prepared.1);
+            let notes;
+            (is_new, notes) = prepare(memory, part).map_err(|source| unchanged(&part.namespace, source))?;
+            restored.without.extend(notes);
         }
         for batch in batches(part.documents()?) {
             let batch = undated(batch?);

@@ -15,6 +15,7 @@ use crate::formats::mongodump::{ArchiveWriter, Metadata, Packer, encode};
 use crate::interrupt::Unfinished;
 use crate::memory::Memory;
 use crate::process::stale_files;
+use crate::store::validation::collection_options;
 use crate::store::{Find, Index, Namespace, StoreError, index};
 
 /// The prefix of temporary files.
@@ -186,10 +187,10 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
 fn metadata(memory: &Memory, ns: &Namespace) -> Result<Metadata, DumpError> {
     let failed = |source| DumpError::Store { namespace: ns.to_string(), source };
     let indexes = memory.indexes(ns).map_err(failed)?;
-    let validation = memory.validation(ns).map_err(failed)?.unwrap_or_default().options();
-    let collation = index::collation(&indexes).map(|collation| collation.definition().clone());
+    let validation = memory.validation(ns).map_err(failed)?;
+    let options = collection_options(validation.as_ref(), index::collation(&indexes).as_ref());
     let indexes = indexes.iter().filter(|index| index.name != index::ID).map(Index::definition).collect();
-    Ok(Metadata { indexes, collation, validation, ..Metadata::plain(&ns.collection) })
+    Ok(Metadata { indexes, options, ..Metadata::plain(&ns.collection) })
 }
 
 fn close(file: Packer<BufWriter<File>>) -> io::Result<()> {

@@ -8,6 +8,7 @@ use crate::serve::failure::{Failure, codes};
 use crate::serve::fields::Fields;
 use crate::serve::request::{Request, namespace};
 use crate::store::Scope;
+use crate::store::namespace::is_internal;
 
 /// The stages that may follow `$changeStream`.
 const STAGES: [&str; 9] = [
@@ -117,7 +118,7 @@ fn scope(request: &Request, options: Fields<'_>) -> Result<Scope, Failure> {
             );
             Err(Failure::new(codes::INVALID_OPTIONS, message))
         }
-        _ if !is_all && ["admin", "config", "local"].contains(&request.database.as_str()) => {
+        _ if !is_all && is_internal(&request.database) => {
             let message = format!("$changeStream may not be opened on the internal {} database", request.database);
             Err(Failure::new(codes::INVALID_NAMESPACE, message))
         }

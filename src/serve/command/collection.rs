@@ -11,7 +11,8 @@ use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
-use crate::store::validation::{OPTIONS, VALIDATOR};
+use crate::store::namespace::is_internal;
+use crate::store::validation::{OPTIONS, VALIDATOR, collection_options};
 use crate::store::{Index, Namespace, Validation, ValidationAction, ValidationLevel, index};
 
 pub(super) const COMMANDS: &[Command] = &[
@@ -91,9 +92,6 @@ const DEPENDENT: [(&str, &[&str]); 4] = [
 /// Options of `create` that this rmem has no word for.
 const REFUSED: [&str; 5] = ["capped", "clusteredIndex", "encryptedFields", "timeseries", "viewOn"];
 
-/// Databases whose collections have no validators.
-const INTERNAL: [&str; 3] = ["admin", "config", "local"];
-
 fn create(memory: &Memory, call: &Call) -> Answer {
     let fields = call.request.fields();
     if let Some(other) = call.request.target().filter(|name| name.as_str().is_none()) {
@@ -123,7 +121,7 @@ fn create(memory: &Memory, call: &Call) -> Answer {
 fn validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<Validation, Failure> {
     let validation = Validation::read(fields.document)?;
     let Some(validator) = &validation.validator else { return Ok(validation) };
-    if INTERNAL.contains(&ns.database.as_str()) {
+    if is_internal(&ns.database) {
         let database = &ns.database;
         let message =
             format!("Document validators are not allowed on collection {ns} in the {database} internal database");
@@ -318,13 +316,11 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
 }
 
 fn described(ns: &Namespace, validation: Option<&Validation>, collation: Option<&Collation>) -> Document {
-    let mut options = validation.map(Validation::options).unwrap_or_default();
-    options.extend(collation.map(|collation| ("collation".to_owned(), collation.definition().clone().into())));
     let ids = collation.map_or_else(Index::of_ids, Index::of_collated_ids);
     doc! {
         "name": &ns.collection,
         "type": "collection",
-        "options": options,
+        "options": collection_options(validation, collation),
         "info": { "readOnly": false },
         "idIndex": ids.definition(),
     }

@@ -27,15 +27,9 @@ impl Embedded {
                     .and_then(|(id, body)| self.add(ns, collection, &id, &body).map(|()| id));
                 match added {
                     Ok(id) => stored.push(id),
-                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_)))
-                        if stored.is_empty() =>
-                    {
-                        return Err(refusal);
-                    }
-                    Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_))) => {
-                        return Ok(Some(refusal));
-                    }
-                    Err(failure) => return Err(failure),
+                    // What was stored before stays.
+                    Err(refusal) if is_refusal(&refusal) && !stored.is_empty() => return Ok(Some(refusal)),
+                    Err(error) => return Err(error),
                 }
             }
             Ok(None)
@@ -43,9 +37,7 @@ impl Embedded {
         match refusal {
             Ok(None) => Ok(Inserted { ids: stored }),
             Ok(Some(refusal)) => Err(refusal.stopped(stored, count)),
-            Err(refusal @ (StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_))) => {
-                Err(refusal.stopped(Vec::new(), count))
-            }
+            Err(refusal) if is_refusal(&refusal) => Err(refusal.stopped(Vec::new(), count)),
             Err(failure) => Err(failure),
         }
     }
@@ -99,4 +91,9 @@ impl Embedded {
             Err(error) => Err(self.explain(&error)),
         }
     }
+}
+
+/// Whether an error is about a document, which is refused, and not about the store.
+fn is_refusal(error: &StoreError) -> bool {
+    matches!(error, StoreError::Duplicate { .. } | StoreError::Invalid(_) | StoreError::Query(_))
 }

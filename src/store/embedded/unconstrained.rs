@@ -13,8 +13,8 @@ const WATCHED: &str = "SELECT 1 FROM watchers WHERE database IN ('', ?1) AND col
                        AND (name IS NULL OR substr(name, 1, length(?3)) <> ?3 AND substr(name, 1, length(?4)) <> ?4)";
 
 impl Embedded {
-    /// Whether no validator and no index would refuse or remove documents that may be stored, strings compare byte by byte, and no watcher gets
-    /// computed documents.
+    /// Whether no validator and no index would refuse or remove documents that may be stored, strings compare byte by byte,
+    /// and no watcher gets computed documents.
     pub(super) fn is_unconstrained(&self, ns: &Namespace) -> Result<bool, StoreError> {
         if let Some(collection) = self.collection(ns)? {
             let indexes = self.indexes_of(collection)?;

@@ -3,8 +3,6 @@
 //! A validator is kept as the options of its collection, in a table that is made with the first of them. It is compiled
 //! with the indexes of the collection, once for each generation, and looked at wherever the body of a document is made.
 
-use std::cell::Cell;
-
 use bson::{Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
@@ -18,21 +16,7 @@ use crate::store::{Namespace, StoreError, Validation};
 const TABLE: &str =
     "CREATE TABLE IF NOT EXISTS validators (collection INTEGER PRIMARY KEY, options BLOB NOT NULL) STRICT";
 
-/// Documents are looked at again as before once this is dropped, also where a write panics.
-pub(super) struct Bypassing<'a>(&'a Cell<bool>, bool);
-
-impl Drop for Bypassing<'_> {
-    fn drop(&mut self) {
-        self.0.set(self.1);
-    }
-}
-
 impl Embedded {
-    /// Looks at no document until what is returned is dropped.
-    pub(super) fn bypassing(&self) -> Bypassing<'_> {
-        Bypassing(&self.is_bypassing, self.is_bypassing.replace(true))
-    }
-
     /// Refuses a document that does not pass the validator of its collection, or warns of it. `before` is what it takes the
     /// place of.
     pub(super) fn check_valid(

@@ -14,6 +14,7 @@ use super::{Embedded, busy, catalog_cache, failure, file};
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
+use crate::store::validation::Bypassing;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
     Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Validated,
@@ -148,7 +149,7 @@ impl Store for Embedded {
     }
 
     fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
-        let _bypassing = self.bypassing();
+        let _bypassing = Bypassing::begin(&self.is_bypassing);
         work()
     }
 

@@ -28,8 +28,8 @@ mod write_policy;
 
 pub use raw::Raw;
 
+use std::cell::Cell;
 use std::collections::HashSet;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, OnceLock};
 
 use mongodb::sync::Client;
@@ -46,7 +46,7 @@ pub struct MongoDb {
     /// The version of the server's wire protocol, once it was asked for.
     version: OnceLock<i32>,
     /// Whether documents are stored that do not pass the validator of their collection.
-    is_bypassing: AtomicBool,
+    is_bypassing: Cell<bool>,
     /// Which members have to confirm writes.
     write_policy: write_policy::WritePolicy,
     /// The URI without credentials and options.

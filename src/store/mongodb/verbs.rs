@@ -1,7 +1,7 @@
 //! The operations of [`Store`], each one call of the driver.
 
 use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
@@ -15,6 +15,8 @@ use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
+use crate::store::namespace::is_internal;
+use crate::store::validation::Bypassing;
 use crate::store::{
     Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
     Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
@@ -56,21 +58,14 @@ macro_rules! modified {
 macro_rules! bypassing {
     ($store:expr, $action:expr) => {{
         let mut action = $action;
-        if $store.is_bypassing.load(Ordering::Relaxed) {
+        if $store.is_bypassing.get() {
             action = action.bypass_document_validation(true);
         }
         action
     }};
 }
 
-/// The server's own databases.
-const INTERNAL: [&str; 3] = ["admin", "config", "local"];
-
 impl Store for MongoDb {
-    fn expires_by_itself(&self) -> bool {
-        true
-    }
-
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
         self.recorded(ns, made_by_insert, || self.insert_all(ns, documents))
     }
@@ -203,17 +198,13 @@ impl Store for MongoDb {
     }
 
     fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
-        let command = doc! { "listCollections": 1, "filter": { "name": &ns.collection, "type": "view" } };
-        let database = self.client().database(&ns.database);
-        let mut listed = database.run_cursor_command(command).run().map_err(|e| self.explain(&e))?;
-        let view = listed.next().transpose().map_err(|e| self.explain(&e))?;
-        Ok(view.map(|view| view.get_document("options").cloned().unwrap_or_default()))
+        self.options_of(ns, "view")
     }
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
         for database in self.client().list_database_names().run().map_err(|e| self.explain(&e))? {
-            if INTERNAL.contains(&database.as_str()) {
+            if is_internal(&database) {
                 continue;
             }
             let names =
@@ -277,10 +268,8 @@ impl Store for MongoDb {
     }
 
     fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
-        let before = self.is_bypassing.swap(true, Ordering::Relaxed);
-        let result = work();
-        self.is_bypassing.store(before, Ordering::Relaxed);
-        result
+        let _bypassing = Bypassing::begin(&self.is_bypassing);
+        work()
     }
 
     fn confirmed(

@@ -10,10 +10,8 @@ use bson::{Bson, Document};
 use crate::formats::mongodump::Damage;
 use crate::memory::dump::read::{Log, ReadError};
 use crate::query::{Collation, QueryError, key};
+use crate::store::namespace::is_internal;
 use crate::store::{Index, Namespace};
-
-/// Databases of the server; what happens there is no change of documents.
-const SERVER: [&str; 3] = ["admin", "config", "local"];
 
 /// What was done.
 #[derive(Debug, Clone, PartialEq)]
@@ -195,7 +193,7 @@ impl<'a> Operations<'a> {
 
     /// The collection of an operation; none where it is the server's own.
     fn collection(&mut self, name: &str) -> Option<Namespace> {
-        let ns = Namespace::parse(name).ok().filter(|ns| !SERVER.contains(&ns.database.as_str()));
+        let ns = Namespace::parse(name).ok().filter(|ns| !is_internal(&ns.database));
         if ns.is_none() {
             self.left_out.push(format!("{name} is the server's own and is left out"));
         }

@@ -243,16 +243,17 @@ impl Dump {
                 }
             }
         }
-        let collation = metadata.map(|metadata| match metadata.collation.as_ref().map(Collation::parse) {
-            None => None,
-            Some(Ok(collation)) => Some(collation).filter(|collation| !collation.is_simple()),
-            Some(Err(error)) => {
-                self.notes.push(format!("the collation of {namespace} is not restored: {}", error.message));
-                None
-            }
-        });
+        let collation =
+            metadata.map(|metadata| match metadata.options.get_document("collation").ok().map(Collation::parse) {
+                None => None,
+                Some(Ok(collation)) => Some(collation).filter(|collation| !collation.is_simple()),
+                Some(Err(error)) => {
+                    self.notes.push(format!("the collation of {namespace} is not restored: {}", error.message));
+                    None
+                }
+            });
         let validation = metadata.map(|metadata| {
-            let read = Validation::read(&metadata.validation).and_then(|validation| {
+            let read = Validation::read(&metadata.options).and_then(|validation| {
                 validation.validator.as_ref().map(Validator::parse).transpose()?;
                 Ok(validation)
             });
