@@ -6,18 +6,23 @@ use std::hash::{BuildHasher as _, RandomState};
 /// What is set in each byte of a name before it is hashed: it makes lower-case letters of upper-case ones. Few other
 /// characters become equal by it, and names are compared after all.
 const LOWER_CASE: u64 = 0x2020_2020_2020_2020;
+/// How many bits of the place where a name begins are kept with it: four bytes are enough for any problem that is not
+/// larger than 4 GiB. The tests have larger ones, in this sense.
+const PLACE_BITS: u32 = if cfg!(test) { 8 } else { 32 };
 /// How many names that were asked for last are remembered.
 const RECENT: usize = 3;
 
 /// Names, each once, compared without regard to case, and kept in the spelling in which they came first.
 ///
-/// A name takes its letters and some 20 bytes: problems have millions of them.
+/// A name takes its letters and some 16 bytes: problems have millions of them.
 #[derive(Debug, Clone)]
 pub struct NameSet {
     /// All names, one after the other.
     text: String,
-    /// Where each one begins in the text.
-    starts: Vec<usize>,
+    /// Where each one begins in the text: the lowest [`PLACE_BITS`] of it.
+    starts: Vec<u32>,
+    /// The names at which the other bits of that grow by one, by number; one is there again where they grow by more.
+    turns: Vec<usize>,
     /// By the names' hashes: the hash and the number of the name plus one; zero where there is none. A power
     /// of two of them, never full.
     slots: Vec<(u32, u32)>,
@@ -34,6 +39,7 @@ impl Default for NameSet {
         Self {
             text: String::new(),
             starts: Vec::new(),
+            turns: Vec::new(),
             slots: Vec::new(),
             recent: Cell::default(),
             seeds: (random.hash_one(0), random.hash_one(1) | 1),
@@ -56,7 +62,11 @@ impl NameSet {
             Err(slot) => slot,
         };
         let number = self.starts.len();
-        self.starts.push(self.text.len());
+        let start = self.text.len() as u64;
+        self.starts.push((start & low_bits()) as u32);
+        while (self.turns.len() as u64) < start >> PLACE_BITS {
+            self.turns.push(number);
+        }
         self.text.push_str(name);
         self.put(slot, hash, number);
         Ok(number)
@@ -105,9 +115,18 @@ impl NameSet {
     }
 
     fn bytes(&self, number: usize) -> Option<&[u8]> {
-        let start = *self.starts.get(number)?;
-        let end = self.starts.get(number + 1).copied().unwrap_or(self.text.len());
+        let (start, end) = (self.start(number)?, self.start(number + 1).unwrap_or(self.text.len()));
         self.text.as_bytes().get(start..end)
+    }
+
+    /// Where a name begins in the text.
+    fn start(&self, number: usize) -> Option<usize> {
+        let low = u64::from(*self.starts.get(number)?);
+        let high = match self.turns.is_empty() {
+            true => 0,
+            false => self.turns.partition_point(|turn| *turn <= number) as u64,
+        };
+        usize::try_from(high << PLACE_BITS | low).ok()
     }
 
     /// Returns how many there are.
@@ -186,6 +205,11 @@ impl NameSet {
     }
 }
 
+/// The bits of a place that are kept with each name.
+const fn low_bits() -> u64 {
+    (1 << PLACE_BITS) - 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,6 +226,20 @@ mod tests {
         assert_eq!((names.find_exact("NAME999"), names.find_exact("Name7")), (None, Some(7)));
         assert_eq!((names.get(0), names.get(999), names.get(1000)), (Some("Name0"), Some("Name999"), None));
         assert_eq!(names.len(), 1000);
+    }
+
+    #[test]
+    fn a_name_is_found_after_one_of_any_length() {
+        let mut names = NameSet::default();
+        let lengths = [1, 255, 256, 257, 0, 700, 3, 65_536, 2];
+        let name = |number: usize, length: usize| format!("{number}{}", "x".repeat(length));
+        for (number, length) in lengths.into_iter().enumerate() {
+            assert_eq!(names.add(&name(number, length)), Ok(number));
+        }
+        for (number, length) in lengths.into_iter().enumerate() {
+            assert_eq!(names.get(number), Some(name(number, length).as_str()));
+            assert_eq!(names.find(&name(number, length)), Some(number));
+        }
     }
 
     #[test]
