@@ -55,7 +55,7 @@ struct Missing {
 }
 
 fn find(namespace: &Namespace, memory: &Memory, context: &Context<'_>) -> Result<Option<Missing>, StoreError> {
-    if memory.computables()?.0.iter().any(|computable| computable.definition.namespace == *namespace) {
+    if memory.is_computed(namespace)? {
         return Ok(None);
     }
     let names = memory.collections_beside(namespace)?;

@@ -232,8 +232,18 @@ impl Routes {
         self.listed(self.in_files())
     }
 
+    /// [`Routes::collections`], of the private store and, where databases are in it, of the shared one, with its address.
+    #[expect(clippy::type_complexity, reason = "it is spelled out once")]
+    pub(super) fn collections_by_store(
+        &self,
+    ) -> (Result<Vec<Namespace>, StoreError>, Option<(String, Result<Vec<Namespace>, StoreError>)>) {
+        let of = |lazy: &Lazy| self.listed(std::iter::once(lazy));
+        // A store that was not opened has an address, too.
+        (of(&self.local), self.used().map(|shared| (shared.describe(), of(shared))))
+    }
+
     /// The collections that belong to these stores, sorted.
-    fn listed<'a>(&self, stores: impl Iterator<Item = &'a Lazy>) -> Result<Vec<Namespace>, StoreError> {
+    fn listed<'a>(&'a self, stores: impl Iterator<Item = &'a Lazy>) -> Result<Vec<Namespace>, StoreError> {
         let mut all = Vec::new();
         for lazy in stores {
             let found = lazy.reading()?.collections()?;

@@ -255,3 +255,35 @@ fn a_store_that_cannot_be_read_is_4_wherever_it_is_read() {
     [exit code: 4]
     ");
 }
+
+#[test]
+fn what_is_of_this_robot_alone_needs_no_team() {
+    let lab = Lab::empty();
+    lab.write(
+        "rmem.toml",
+        "memory = 'file:robot.rmem'\nshared = 'file:/proc/none/team.rmem'\nshared_databases = ['team']\n",
+    );
+    lab.rmem(&["insert", "own.a", "{_id: 1}"]).success();
+    for (arguments, code) in [
+        (&["query", "own.a", "{_id: 2}"][..], 0),
+        (&["count", "own.b"], 0),
+        (&["update", "own.a", "{_id: 2}", "{$set: {a: 1}}"], 0),
+        (&["delete", "own.a", "{_id: 2}"], 0),
+        (&["dump", "own.a", "-o", "a.json"], 0),
+        (&["dump", "own.a", "-o", "folder"], 0),
+        (&["watch", "own.a", "--timeout", "10ms"], 1),
+        (&["diff", "file:robot.rmem", "a.json"], 0),
+    ] {
+        let run = lab.rmem(arguments).exits(code);
+        assert!(!run.stderr.contains("/proc/none"), "{arguments:?}: {run}");
+    }
+    for arguments in [&["query", "team.a"][..], &["dump", "--all"], &["collections"]] {
+        let run = lab.rmem(arguments).exits(4);
+        assert!(run.stderr.contains("cannot open file:/proc/none/team.rmem"), "{arguments:?}: {run}");
+    }
+    let found = lab.rmem(&["doctor"]).exits(4).stdout;
+    assert_run!(found.lines().skip(1).take(2).collect::<Vec<_>>().join("\n"), @r"
+    memory     file:$LAB/robot.rmem: ok, 1 collection
+    shared     file:/proc/none/team.rmem: cannot open file:/proc/none/team.rmem: its folder /proc/none does not exist; create it first
+    ");
+}

@@ -61,16 +61,18 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
     let settings = context.settings.file.as_ref().map_or("none".to_owned(), |path| path.display().to_string());
     report.add(Row::fact("settings", None, &settings), context)?;
 
-    let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
-    let opened = context.memory().and_then(|memory| Ok(memory.collections()?.len()));
-    let deep = if args.deep && opened.is_ok() { Some(Deep::check(context)?) } else { None };
+    let stores = open(context);
+    let is_open = stores.iter().all(|store| store.counted.is_ok());
+    let deep = if args.deep && is_open { Some(Deep::check(context)?) } else { None };
     let is_sound = deep.as_ref().is_none_or(Deep::is_sound);
-    let state = match &opened {
-        Ok(count) => format!("{}, {}", if is_sound { "ok" } else { "damaged" }, amount(*count as u64, "collection")),
-        Err(error) => format!("{error:#}"),
-    };
-    let healthy = opened.is_ok() && is_sound;
-    report.add(Row { is_fine: Some(healthy), ..Row::fact("memory", Some(&address), &state) }, context)?;
+    let healthy = is_open && is_sound;
+    for Opened { check, address, counted } in stores {
+        let is_fine = counted.is_ok() && is_sound;
+        let word = if is_fine { "ok" } else { "damaged" };
+        let state =
+            counted.map_or_else(|error| error, |count| format!("{word}, {}", amount(count as u64, "collection")));
+        report.add(Row { is_fine: Some(is_fine), ..Row::fact(check, Some(&address), &state) }, context)?;
+    }
     #[cfg(feature = "serve")]
     if let Some(server) = super::serve::server(&context.settings) {
         let state = format!("by process {} at {}", server.process, server.uris);
@@ -96,6 +98,31 @@ pub(super) fn run(args: &DoctorArgs, context: &mut Context<'_>) -> Result<Exit> 
         (true, false) => Exit::No,
         (true, true) => Exit::Done,
     })
+}
+
+/// A store that was opened.
+struct Opened {
+    check: &'static str,
+    address: String,
+    /// How many collections it has, or why that is not known.
+    counted: Result<usize, String>,
+}
+
+/// Opens the private store and, where databases are shared, the shared one.
+fn open(context: &mut Context<'_>) -> Vec<Opened> {
+    let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
+    let (counted, shared) = match context.memory() {
+        Ok(memory) => {
+            let (private, shared) = memory.collection_counts();
+            (private.map_err(|error| error.to_string()), shared)
+        }
+        Err(error) => (Err(format!("{error:#}")), None),
+    };
+    let shared = shared.map(|(address, counted)| {
+        let counted = counted.map_err(|error| error.to_string());
+        Opened { check: "shared", address, counted }
+    });
+    std::iter::once(Opened { check: "memory", address, counted }).chain(shared).collect()
 }
 
 /// What a check of all data found.

@@ -114,6 +114,14 @@ impl Memory {
         Ok((all.iter().map(Rc::clone).collect(), all.complaints()))
     }
 
+    /// Whether there are computables of a collection, which give documents where none is stored. Only its own store is asked.
+    ///
+    /// # Errors
+    /// Where the store fails.
+    pub fn is_computed(&self, ns: &Namespace) -> Result<bool, StoreError> {
+        Ok(self.registry(ns)?.iter().any(|computable| computable.definition.namespace == *ns))
+    }
+
     /// Keeps computables in the memory, each in the database of its collections, from now on and for everyone who
     /// uses it. Keeps all of them or, after an error, none.
     ///
