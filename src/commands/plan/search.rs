@@ -72,13 +72,13 @@ pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     let planners: Arc<[Box<dyn Planner>]> = planners.into();
     let (options, host) = (options(&args.limits), context.host());
-    // The planners' programs start while the domain is read and the problem is made; the built-in one begins with a large
-    // problem while that is checked.
+    // The planners' programs start while the domain is read and the problem is made, but not beside that in this process:
+    // threads that need new memory wait for each other. The built-in one begins with a large problem while that is checked.
+    let mut portfolio = planning::start(&planners, &options.limits(), &host);
     thread::scope(|scope| {
         let (sender, texts) = mpsc::channel::<(Source, Source)>();
-        let (planners, options, host) = (&planners, &options, &host);
+        let host = &host;
         let starting = scope.spawn(move || {
-            let mut portfolio = planning::start(planners, &options.limits(), host);
             texts.iter().for_each(|(domain, problem)| portfolio.begin(&domain, &problem, host));
             portfolio
         });
