@@ -52,11 +52,18 @@ fn limit(text: &str) -> Result<(Namespace, u64), String> {
 
 pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
-    let mut expired = memory.expire(args.restart)?;
+    let (mut expired, mut done) = memory.expire(args.restart);
     let mut limits = context.settings.most_documents.clone();
     limits.extend(args.most.iter().cloned());
     for (namespace, most) in limits {
-        let surplus = memory.expire_surplus(&namespace, most)?;
+        let surplus = match memory.expire_surplus(&namespace, most) {
+            Ok(surplus) => surplus,
+            // Another collection may be in a store that can be reached.
+            Err(error) => {
+                done = done.and(Err(error));
+                continue;
+            }
+        };
         match expired.iter_mut().find(|(known, _)| *known == namespace) {
             Some((_, expired)) => expired.surplus += surplus,
             None if surplus > 0 => expired.push((namespace, Expired { surplus, ..Expired::default() })),
@@ -64,6 +71,7 @@ pub(super) fn run(args: &ExpireArgs, context: &mut Context<'_>) -> Result<Exit> 
         }
     }
     context.print_rows(expired.iter().map(|(namespace, expired)| Ok(report(namespace, expired))))?;
+    done?;
     Ok(Exit::Done)
 }
 

@@ -31,19 +31,29 @@ pub struct Expired {
 
 impl Memory {
     /// Removes expired documents; with `restart`, also those that are not persistent. Returns
-    /// the collections of which documents were removed.
-    ///
-    /// # Errors
-    /// Where a store fails; what was removed before stays removed.
-    pub fn expire(&self, restart: bool) -> Result<Vec<(Namespace, Expired)>, StoreError> {
+    /// the collections of which documents were removed, and why a store failed: that keeps nothing in the other one.
+    pub fn expire(&self, restart: bool) -> (Vec<(Namespace, Expired)>, Result<(), StoreError>) {
         let mut all = Vec::new();
-        for ns in self.collections()? {
-            let expired = self.expire_collection(&ns, restart)?;
+        let mut done = Ok(());
+        for (_, collections) in self.routes.collections_by_store() {
+            done = done.and(collections.and_then(|collections| self.expire_all(&collections, restart, &mut all)));
+        }
+        (all, done)
+    }
+
+    fn expire_all(
+        &self,
+        collections: &[Namespace],
+        restart: bool,
+        all: &mut Vec<(Namespace, Expired)>,
+    ) -> Result<(), StoreError> {
+        for ns in collections.iter().filter(|ns| !ns.is_own()) {
+            let expired = self.expire_collection(ns, restart)?;
             if expired != Expired::default() {
-                all.push((ns, expired));
+                all.push((ns.clone(), expired));
             }
         }
-        Ok(all)
+        Ok(())
     }
 
     /// Removes what an index expires by now from stores that do not do so themselves: for whoever runs for long.

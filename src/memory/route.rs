@@ -232,14 +232,10 @@ impl Routes {
         self.listed(self.in_files())
     }
 
-    /// [`Routes::collections`], of the private store and, where databases are in it, of the shared one, with its address.
-    #[expect(clippy::type_complexity, reason = "it is spelled out once")]
-    pub(super) fn collections_by_store(
-        &self,
-    ) -> (Result<Vec<Namespace>, StoreError>, Option<(String, Result<Vec<Namespace>, StoreError>)>) {
-        let of = |lazy: &Lazy| self.listed(std::iter::once(lazy));
-        // A store that was not opened has an address, too.
-        (of(&self.local), self.used().map(|shared| (shared.describe(), of(shared))))
+    /// [`Routes::collections`], of the private store and, where databases are in it, of the shared one: each with its address.
+    pub(super) fn collections_by_store(&self) -> impl Iterator<Item = (String, Result<Vec<Namespace>, StoreError>)> {
+        let stores = std::iter::once(&self.local).chain(self.used());
+        stores.map(|lazy| (lazy.describe(), self.listed(std::iter::once(lazy))))
     }
 
     /// The collections that belong to these stores, sorted.

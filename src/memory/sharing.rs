@@ -120,14 +120,11 @@ impl Memory {
         self.routes.collections_in_files()
     }
 
-    /// How many collections the private store has and, where databases are shared, the shared one, whose address is with it:
-    /// without those that rmem keeps for itself. A store that fails says why.
-    #[expect(clippy::type_complexity, reason = "it is spelled out once")]
-    #[must_use]
-    pub fn collection_counts(&self) -> (Result<usize, StoreError>, Option<(String, Result<usize, StoreError>)>) {
+    /// How many collections the private store has and, where databases are shared, the shared one, without those that rmem keeps
+    /// for itself: each with its address. A store that fails says why.
+    pub fn collection_counts(&self) -> impl Iterator<Item = (String, Result<usize, StoreError>)> {
         let count = |found: Vec<Namespace>| found.iter().filter(|ns| !ns.is_own()).count();
-        let (private, shared) = self.routes.collections_by_store();
-        (private.map(count), shared.map(|(address, found)| (address, found.map(count))))
+        self.routes.collections_by_store().map(move |(address, found)| (address, found.map(count)))
     }
 
     /// The collections of a database, with those that rmem keeps for itself; the store of other databases is not asked.

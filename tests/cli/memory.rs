@@ -277,6 +277,11 @@ fn what_is_of_this_robot_alone_needs_no_team() {
         let run = lab.rmem(arguments).exits(code);
         assert!(!run.stderr.contains("/proc/none"), "{arguments:?}: {run}");
     }
+    lab.rmem(&["insert", "own.a", "{_id: 3, _robmem_info: {decay_time: ISODate('2001-01-01')}}"]).success();
+    let expired = lab.rmem(&["expire"]).exits(4);
+    assert!(expired.stdout.contains("\"decayed\":1"), "{expired}");
+    let few = lab.rmem(&["expire", "--most", "team.a=1", "--most", "own.a=0"]).exits(4);
+    assert!(few.stdout.contains("\"surplus\":1"), "{few}");
     for arguments in [&["query", "team.a"][..], &["dump", "--all"], &["collections"]] {
         let run = lab.rmem(arguments).exits(4);
         assert!(run.stderr.contains("cannot open file:/proc/none/team.rmem"), "{arguments:?}: {run}");

@@ -337,11 +337,11 @@ fn expire_removes_what_is_over_and_says_what() {
     let ttl = Index { expire_after: Some(1), ..Index::on(doc! { "seen": 1 }) };
     memory.create_index(&blocks, &ttl).unwrap();
     memory.insert(&ns("a.untouched"), vec![doc! { "_id": 1 }]).unwrap();
-    assert_eq!(memory.expire(false).unwrap(), [], "nothing is over yet");
+    assert_eq!(memory.expire(false).0, [], "nothing is over yet");
     let memory = memory.with_clock(Clock::Stopped(minutes(20)));
     let expired = Expired { decayed: 1, computed: 1, due: 1, not_persistent: 0, surplus: 0 };
-    assert_eq!(memory.expire(false).unwrap(), [(blocks.clone(), expired)]);
+    assert_eq!(memory.expire(false).0, [(blocks.clone(), expired)]);
     let expired = Expired { not_persistent: 1, ..Expired::default() };
-    assert_eq!(memory.expire(true).unwrap(), [(blocks.clone(), expired)]);
+    assert_eq!(memory.expire(true).0, [(blocks.clone(), expired)]);
     assert_eq!(memory.count(&blocks, &doc! {}).unwrap(), 4);
 }

@@ -110,19 +110,21 @@ struct Opened {
 
 /// Opens the private store and, where databases are shared, the shared one.
 fn open(context: &mut Context<'_>) -> Vec<Opened> {
-    let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
-    let (counted, shared) = match context.memory() {
-        Ok(memory) => {
-            let (private, shared) = memory.collection_counts();
-            (private.map_err(|error| error.to_string()), shared)
+    let memory = match context.memory() {
+        Ok(memory) => memory,
+        Err(error) => {
+            let address = context.settings.memory.value.as_deref().map_or("none".to_owned(), super::config::address);
+            return vec![Opened { check: "memory", address, counted: Err(format!("{error:#}")) }];
         }
-        Err(error) => (Err(format!("{error:#}")), None),
     };
-    let shared = shared.map(|(address, counted)| {
-        let counted = counted.map_err(|error| error.to_string());
-        Opened { check: "shared", address, counted }
-    });
-    std::iter::once(Opened { check: "memory", address, counted }).chain(shared).collect()
+    let stores = ["memory", "shared"].into_iter().zip(memory.collection_counts());
+    stores
+        .map(|(check, (address, counted))| Opened {
+            check,
+            address,
+            counted: counted.map_err(|error| error.to_string()),
+        })
+        .collect()
 }
 
 /// What a check of all data found.
