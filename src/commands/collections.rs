@@ -20,10 +20,12 @@ pub struct CollectionsArgs {
 
 pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<Exit> {
     let memory = context.memory()?;
-    let names = memory.collections()?;
+    // One store may be out of reach: what is in the other one is worth knowing all the same.
+    let (names, all) = memory.reachable_collections();
     if !args.options {
         let names = names.into_iter().map(|namespace| namespace.to_string());
         context.print_lines(names.map(|name| (name.clone(), name.into())))?;
+        all?;
         return Ok(Exit::Done);
     }
     let mut described = Vec::with_capacity(names.len());
@@ -34,5 +36,6 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
         described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));
     }
     context.print_lines(described)?;
+    all?;
     Ok(Exit::Done)
 }

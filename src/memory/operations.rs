@@ -448,6 +448,19 @@ impl Memory {
         self.listed(|| self.routes.collections())
     }
 
+    /// Those of the stores that can be reached, sorted, and why another store cannot.
+    pub fn reachable_collections(&self) -> (Vec<Namespace>, Result<(), StoreError>) {
+        let (mut all, mut done) = (Vec::new(), Ok(()));
+        for (_, found) in self.routes.collections_by_store() {
+            match self.listed(|| found) {
+                Ok(found) => all.extend(found),
+                Err(error) => done = done.and(Err(error)),
+            }
+        }
+        all.sort();
+        (all, done)
+    }
+
     /// The collections in the store of `ns`; no other store is asked.
     pub fn collections_beside(&self, ns: &Namespace) -> Result<Vec<Namespace>, StoreError> {
         self.listed(|| self.routes.collections_beside(ns))

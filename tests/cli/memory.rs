@@ -282,6 +282,9 @@ fn what_is_of_this_robot_alone_needs_no_team() {
     assert!(expired.stdout.contains("\"decayed\":1"), "{expired}");
     let few = lab.rmem(&["expire", "--most", "team.a=1", "--most", "own.a=0"]).exits(4);
     assert!(few.stdout.contains("\"surplus\":1"), "{few}");
+    lab.rmem(&["restore", "a.json", "--drop"]).success();
+    let listed = lab.rmem(&["collections"]).exits(4);
+    assert_eq!(listed.stdout, "own.a\n");
     for arguments in [&["query", "team.a"][..], &["dump", "--all"], &["collections"]] {
         let run = lab.rmem(arguments).exits(4);
         assert!(run.stderr.contains("cannot open file:/proc/none/team.rmem"), "{arguments:?}: {run}");

@@ -22,7 +22,7 @@
 //! The metadata of a dump is kept, but for its dates: a document is inserted
 //! when it is restored, and equal to one that was inserted at another time.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -414,10 +414,12 @@ fn replace<T>(
 
 /// Removes what restores that were killed have left in the databases of these collections.
 fn sweep(memory: &Memory, namespaces: &[&Namespace]) -> Result<(), StoreError> {
-    for found in memory.collections()? {
-        let is_near = namespaces.iter().any(|ns| ns.database == found.database);
-        if is_near && staging::is_litter(staging::RESTORE, &found.collection) {
-            memory.drop_collection(&found)?;
+    let databases: BTreeSet<&str> = namespaces.iter().map(|ns| ns.database.as_str()).collect();
+    for database in databases {
+        for found in memory.collections_of(database)? {
+            if staging::is_litter(staging::RESTORE, &found.collection) {
+                memory.drop_collection(&found)?;
+            }
         }
     }
     Ok(())

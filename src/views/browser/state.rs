@@ -80,7 +80,8 @@ impl<'a> Browser<'a> {
     /// Where the store fails.
     pub fn new(memory: &'a Memory, namespace: Option<Namespace>) -> Result<Self, StoreError> {
         let mut browser = Self { memory, screens: Vec::new(), prompt: None, message: String::new(), is_over: false };
-        browser.screens.push(Screen::Collections { names: browser.collections()?, selected: 0 });
+        let names = browser.collections()?;
+        browser.screens.push(Screen::Collections { names, selected: 0 });
         if let Some(namespace) = namespace {
             browser.open(namespace, String::new())?;
         }
@@ -196,8 +197,16 @@ impl<'a> Browser<'a> {
         Ok(())
     }
 
-    fn collections(&self) -> Result<Vec<(Namespace, u64)>, StoreError> {
-        let names = self.memory.collections()?.into_iter();
+    /// The collections that can be reached; where a store cannot, the last line says why.
+    fn collections(&mut self) -> Result<Vec<(Namespace, u64)>, StoreError> {
+        let (names, all) = self.memory.reachable_collections();
+        if let Err(error) = all {
+            if names.is_empty() {
+                return Err(error);
+            }
+            self.message = error.to_string();
+        }
+        let names = names.into_iter();
         names.map(|name| self.memory.count(&name, &Document::new()).map(|count| (name, count))).collect()
     }
 
@@ -351,7 +360,7 @@ fn steps(document: &Document) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Embedded;
+    use crate::store::{Embedded, StoreUri};
     use bson::doc;
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
@@ -405,6 +414,19 @@ mod tests {
         assert!(screen(&browser).contains("documents_examined"), "{}", screen(&browser));
         press(&mut browser, "\u{1b}\u{1b}\u{1b}q");
         assert!(browser.is_over());
+    }
+
+    #[test]
+    fn what_can_be_reached_is_shown_beside_a_store_that_cannot() {
+        let folder = tempfile::tempdir().unwrap();
+        let uri = |path: &str| StoreUri::parse(&format!("file:{}/{path}", folder.path().display())).unwrap();
+        let memory = Memory::at(uri("own"), uri("none/team"), vec!["team".to_owned()]);
+        memory.insert(&Namespace::parse("robmem.cups").unwrap(), vec![doc! { "_id": 1 }]).unwrap();
+        let mut browser = Browser::new(&memory, None).unwrap();
+        assert!(screen(&browser).contains("robmem.cups"), "{}", screen(&browser));
+        assert!(browser.message.contains("none/team"), "{}", browser.message);
+        press(&mut browser, "\n");
+        assert_eq!(browser.message, "");
     }
 
     #[test]
