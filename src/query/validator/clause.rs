@@ -2,6 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
+use super::keyword::{number, titled};
 use super::leaf;
 use super::schema;
 use crate::query::dollar::is_operators;
@@ -49,14 +50,11 @@ fn joined(clauses: &[Clause<'_>], document: &Document, holds: bool) -> Option<Do
         [clause] => clause.explain(document, holds),
         clauses => {
             let listed = clauses.iter().enumerate().filter(|(_, clause)| clause.holds(document) == holds);
-            let listed = listed.filter_map(|(index, clause)| Some(numbered(index, clause.explain(document, holds)?)));
+            let listed =
+                listed.filter_map(|(index, clause)| Some(clause.numbered(index, clause.explain(document, holds)?)));
             Some(listing("$and", holds, listed.collect()))
         }
     }
-}
-
-fn numbered(index: usize, details: Document) -> Document {
-    doc! { "index": i32::try_from(index).unwrap_or(i32::MAX), "details": details }
 }
 
 fn listing(operator: &str, holds: bool, clauses: Vec<Document>) -> Document {
@@ -78,6 +76,16 @@ impl Clause<'_> {
             Some(("$regex", all)) => doc! { self.name: all.clone() },
             Some((operator, _)) => doc! { self.name: { operator: self.value.clone() } },
         }
+    }
+
+    /// The details of one part of several, with the title of a schema.
+    fn numbered(&self, index: usize, details: Document) -> Document {
+        let mut numbered = doc! { "index": number(index) };
+        if let ("$jsonSchema", Bson::Document(schema)) = (self.name, self.value) {
+            titled(schema, &mut numbered);
+        }
+        numbered.insert("details", details);
+        numbered
     }
 
     fn holds(&self, document: &Document) -> bool {
@@ -115,8 +123,13 @@ impl Clause<'_> {
         let are_holding = is_holding != (self.name == "$nor");
         let listed = items.iter().filter_map(Bson::as_document).enumerate();
         let listed = listed.filter(|(_, filter)| holds(filter, document) == are_holding);
-        let listed =
-            listed.filter_map(|(index, filter)| Some(numbered(index, explain_filter(filter, document, are_holding)?)));
+        let listed = listed.filter_map(|(index, filter)| {
+            let (clauses, details) = (clauses(filter), explain_filter(filter, document, are_holding)?);
+            Some(match clauses.as_slice() {
+                [clause] => clause.numbered(index, details),
+                _ => doc! { "index": number(index), "details": details },
+            })
+        });
         listing(self.name, are_holding, listed.collect())
     }
 

@@ -24,15 +24,42 @@ pub(super) fn satisfies(schema: &Document, value: &Bson) -> bool {
     Filter::parse(&filter).and_then(|filter| filter.matches_document(&document)).unwrap_or(true)
 }
 
-/// A keyword of a schema with those that say what it is about.
+/// A keyword of a schema with the one that says more of it.
 pub(super) fn alone(schema: &Document, keyword: &str) -> Document {
-    let companions: &[&str] = match keyword {
-        "minimum" => &["exclusiveMinimum"],
-        "maximum" => &["exclusiveMaximum"],
-        _ => &[],
+    let companion = match keyword {
+        "minimum" => "exclusiveMinimum",
+        "maximum" => "exclusiveMaximum",
+        _ => "",
     };
-    let meant = |name: &&String| name.as_str() == keyword || companions.contains(&name.as_str());
-    schema.iter().filter(|(name, _)| meant(name)).map(|(name, value)| (name.clone(), value.clone())).collect()
+    let companion = Some(companion).filter(|name| schema.get_bool(name).unwrap_or(false));
+    let meant = std::iter::once(keyword).chain(companion);
+    meant.filter_map(|name| Some((name.to_owned(), schema.get(name)?.clone()))).collect()
+}
+
+/// Whether a keyword looks at values that the type of a schema allows, where that is one type: MongoDB leaves out the others.
+pub(super) fn is_of_type(schema: &Document, keyword: &str) -> bool {
+    const NUMBERS: [&str; 5] = ["number", "int", "long", "double", "decimal"];
+    let looked_at: &[&str] = match keyword {
+        "multipleOf" | "maximum" | "minimum" => &NUMBERS,
+        "pattern" | "maxLength" | "minLength" => &["string"],
+        "minItems" | "maxItems" | "uniqueItems" | "items" | "additionalItems" => &["array"],
+        "properties"
+        | "additionalProperties"
+        | "patternProperties"
+        | "required"
+        | "minProperties"
+        | "maxProperties" => &["object"],
+        _ => return true,
+    };
+    let is_looked_at = |name: &Bson| name.as_str().is_some_and(|name| looked_at.contains(&name));
+    match schema.get("type").or_else(|| schema.get("bsonType")) {
+        Some(Bson::Array(names)) => match names.as_slice() {
+            [name] => is_looked_at(name),
+            _ => true,
+        },
+        Some(name) => is_looked_at(name),
+        None => true,
+    }
 }
 
 /// A keyword that looks at one value.

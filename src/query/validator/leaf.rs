@@ -146,7 +146,7 @@ impl Types {
 
     /// Whether no type is one of those that are expected, where some are.
     fn have_none_of(&self, expected: &[&str]) -> bool {
-        !expected.is_empty() && !self.0.is_empty() && !self.0.iter().any(|name| expected.contains(name))
+        !expected.is_empty() && !self.0.iter().any(|name| expected.contains(name))
     }
 
     /// Shows one type under a name, or several under its plural.

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
-use super::keyword::{alone, number, plain, satisfies, titled};
+use super::keyword::{alone, is_of_type, number, plain, satisfies, titled};
 use crate::query::regex::Pattern;
 
 /// The keywords in the order in which MongoDB tells of them.
@@ -34,14 +34,45 @@ const ORDER: [&str; 25] = [
     "bsonType",
 ];
 
+/// What a schema is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// A whole document, which can be nothing else.
+    Whole,
+    /// A value in it.
+    Value,
+}
+
 /// The rules of a schema that a value does not satisfy.
-pub(super) fn failing(schema: &Document, value: &Bson) -> Vec<Document> {
-    let stated = ORDER.iter().filter(|keyword| schema.contains_key(keyword));
-    stated.filter_map(|keyword| explain(keyword, schema, value)).collect()
+pub(super) fn failing(schema: &Document, value: &Bson, place: Place) -> Vec<Document> {
+    let stated = ORDER.iter().filter(|keyword| schema.contains_key(keyword) && is_of_type(schema, keyword));
+    stated.filter_map(|keyword| explain(keyword, schema, value, place)).collect()
+}
+
+/// Returns that no document satisfies a schema, since that is about something else.
+pub(super) fn never(schema: &Document, document: &Bson) -> Option<Document> {
+    let fails = |keyword: &&str| !satisfies(&alone(schema, keyword), document);
+    ["type", "bsonType"].iter().any(|keyword| schema.contains_key(keyword) && fails(keyword)).then(|| {
+        doc! {
+            "operatorName": "$jsonSchema", "specifiedAs": { "$jsonSchema": schema.clone() },
+            "reason": "expression always evaluates to false",
+        }
+    })
+}
+
+/// The rules of a schema within another one, with its title, that a value does not satisfy.
+fn within(details: &mut Document, schema: &Document, value: &Bson, place: Place) {
+    match Some(place).filter(|place| *place == Place::Whole).and_then(|_| never(schema, value)) {
+        Some(never) => details.insert("details", never),
+        None => {
+            titled(schema, details);
+            details.insert("details", failing(schema, value, place))
+        }
+    };
 }
 
 /// Returns why a value does not satisfy a keyword; nothing where it does.
-fn explain(keyword: &str, schema: &Document, value: &Bson) -> Option<Document> {
+fn explain(keyword: &str, schema: &Document, value: &Bson, place: Place) -> Option<Document> {
     let argument = schema.get(keyword)?;
     let details = doc! { "operatorName": keyword };
     match (keyword, argument, value) {
@@ -57,17 +88,19 @@ fn explain(keyword: &str, schema: &Document, value: &Bson) -> Option<Document> {
             missing.sort_unstable();
             Some(with(details, doc! { "specifiedAs": alone(schema, keyword), "missingProperties": missing }))
         }
-        ("dependencies", Bson::Document(needed), Bson::Document(fields)) => dependencies(details, needed, fields),
+        ("dependencies", Bson::Document(needed), Bson::Document(fields)) => {
+            dependencies(details, needed, fields, place)
+        }
         ("items", Bson::Document(each), Bson::Array(items)) => {
-            let (index, failing) = first_failing(each, items.iter().enumerate())?;
             let reason = "At least one item did not match the sub-schema";
-            Some(with(details, doc! { "reason": reason, "itemIndex": index, "details": failing }))
+            first_failing(details, reason, each, items.iter().enumerate())
         }
         ("items", Bson::Array(each), Bson::Array(items)) => {
             let pairs = each.iter().filter_map(Bson::as_document).zip(items).enumerate();
             let pairs = pairs.filter(|(_, (schema, item))| !satisfies(schema, item));
-            let listed = pairs
-                .map(|(index, (schema, item))| doc! { "itemIndex": i64::from(number(index)), "details": failing(schema, item) });
+            let listed = pairs.map(|(index, (schema, item))| {
+                doc! { "itemIndex": i64::from(number(index)), "details": failing(schema, item, Place::Value) }
+            });
             some(listed.collect()).map(|listed| with(details, doc! { "details": listed }))
         }
         ("items" | "properties" | "patternProperties" | "additionalProperties" | "dependencies" | "required", ..) => {
@@ -75,12 +108,19 @@ fn explain(keyword: &str, schema: &Document, value: &Bson) -> Option<Document> {
         }
         ("additionalItems", argument, Bson::Array(items)) => additional_items(details, schema, argument, items),
         ("additionalItems", ..) => None,
-        ("oneOf", Bson::Array(schemas), value) => one_of(details, schemas, value),
+        ("oneOf", Bson::Array(schemas), value) => one_of(details, schemas, value, place),
         ("allOf" | "anyOf", Bson::Array(schemas), value) => {
-            (!satisfies(&alone(schema, keyword), value)).then(|| several(details, schemas, value))
+            (!satisfies(&alone(schema, keyword), value)).then(|| several(details, schemas, value, place))
         }
         _ if satisfies(&alone(schema, keyword), value) => None,
         ("not", ..) => Some(with(details, doc! { "reason": "child expression matched" })),
+        ("enum", Bson::Array(options), _)
+            if place == Place::Whole && !options.iter().any(|option| option.as_document().is_some()) =>
+        {
+            // No document can be what is no document.
+            let reason = "expression always evaluates to false";
+            Some(with(details, doc! { "specifiedAs": alone(schema, keyword), "reason": reason }))
+        }
         _ => Some(plain(keyword, schema, value)),
     }
 }
@@ -91,8 +131,7 @@ fn properties(details: Document, named: &Document, fields: &Document) -> Option<
         let (Bson::Document(schema), Some(value)) = (schema, fields.get(name)) else { continue };
         if !satisfies(schema, value) {
             let mut property = doc! { "propertyName": name };
-            titled(schema, &mut property);
-            property.insert("details", failing(schema, value));
+            within(&mut property, schema, value, Place::Value);
             listed.push(property);
         }
     }
@@ -105,13 +144,22 @@ fn pattern_properties(details: Document, patterns: &Document, fields: &Document)
         let (Bson::Document(schema), Ok(pattern)) = (schema, Pattern::new(text, "")) else { continue };
         let mut matching = fields.iter().filter(|(name, _)| pattern.is_match(name));
         if let Some((name, value)) = matching.find(|(_, value)| !satisfies(schema, value)) {
-            listed.push(doc! { "propertyName": name, "regexMatched": text, "details": failing(schema, value) });
+            let mut property = doc! { "propertyName": name };
+            titled(schema, &mut property);
+            property.insert("regexMatched", text);
+            property.insert("details", failing(schema, value, Place::Value));
+            listed.push(property);
         }
     }
     some(listed).map(|listed| with(details, doc! { "details": listed }))
 }
 
-fn additional_properties(details: Document, schema: &Document, argument: &Bson, fields: &Document) -> Option<Document> {
+fn additional_properties(
+    mut details: Document,
+    schema: &Document,
+    argument: &Bson,
+    fields: &Document,
+) -> Option<Document> {
     let named = schema.get_document("properties").ok();
     let patterns = schema.get_document("patternProperties").into_iter().flatten();
     let patterns: Vec<Pattern> = patterns.filter_map(|(pattern, _)| Pattern::new(pattern, "").ok()).collect();
@@ -127,9 +175,10 @@ fn additional_properties(details: Document, schema: &Document, argument: &Bson, 
         }
         Bson::Document(schema) => {
             let (name, value) = others.find(|(_, value)| !satisfies(schema, value))?;
+            titled(schema, &mut details);
             let reason = "at least one additional property did not match the subschema";
-            let more = doc! { "reason": reason, "failingProperty": name, "details": failing(schema, value) };
-            Some(with(details, more))
+            let failing = failing(schema, value, Place::Value);
+            Some(with(details, doc! { "reason": reason, "failingProperty": name, "details": failing }))
         }
         _ => None,
     }
@@ -137,7 +186,7 @@ fn additional_properties(details: Document, schema: &Document, argument: &Bson, 
 
 fn additional_items(details: Document, schema: &Document, argument: &Bson, items: &[Bson]) -> Option<Document> {
     let count = schema.get_array("items").ok()?.len();
-    let mut others = items.iter().enumerate().skip(count);
+    let others = items.iter().enumerate().skip(count);
     match argument {
         Bson::Boolean(false) => {
             let items = some(others.map(|(_, item)| item.clone()).collect())?;
@@ -146,22 +195,23 @@ fn additional_items(details: Document, schema: &Document, argument: &Bson, items
             Some(with(details, doc! { "specifiedAs": specified, "reason": reason, "additionalItems": items }))
         }
         Bson::Document(schema) => {
-            let (index, failing) = first_failing(schema, &mut others)?;
             let reason = "At least one additional item did not match the sub-schema";
-            Some(with(details, doc! { "reason": reason, "itemIndex": index, "details": failing }))
+            first_failing(details, reason, schema, others)
         }
         _ => None,
     }
 }
 
-fn dependencies(details: Document, needed: &Document, fields: &Document) -> Option<Document> {
+fn dependencies(details: Document, needed: &Document, fields: &Document, place: Place) -> Option<Document> {
     let mut listed = Vec::new();
     for (name, needed) in needed.iter().filter(|(name, _)| fields.contains_key(name.as_str())) {
         let why = match needed {
             Bson::Array(names) => missing(names, fields).map(|missing| ("missingProperties", Bson::from(missing))),
             Bson::Document(schema) => {
                 let value = Bson::Document(fields.clone());
-                (!satisfies(schema, &value)).then(|| ("details", Bson::from(failing(schema, &value))))
+                let never = || never(schema, &value).filter(|_| place == Place::Whole).map(Bson::from);
+                let why = || never().unwrap_or_else(|| failing(schema, &value, place).into());
+                (!satisfies(schema, &value)).then(|| ("details", why()))
             }
             _ => None,
         };
@@ -170,12 +220,12 @@ fn dependencies(details: Document, needed: &Document, fields: &Document) -> Opti
     some(listed).map(|listed| with(details, doc! { "failingDependencies": listed }))
 }
 
-fn one_of(details: Document, schemas: &[Bson], value: &Bson) -> Option<Document> {
+fn one_of(details: Document, schemas: &[Bson], value: &Bson, place: Place) -> Option<Document> {
     let matching = schemas.iter().filter_map(Bson::as_document).enumerate();
     let matching: Vec<i32> =
         matching.filter(|(_, schema)| satisfies(schema, value)).map(|(index, _)| number(index)).collect();
     match matching.len() {
-        0 => Some(several(details, schemas, value)),
+        0 => Some(several(details, schemas, value, place)),
         1 => None,
         _ => {
             let reason = "more than one subschema matched";
@@ -185,26 +235,29 @@ fn one_of(details: Document, schemas: &[Bson], value: &Bson) -> Option<Document>
 }
 
 /// The schemas that a value does not satisfy.
-fn several(details: Document, schemas: &[Bson], value: &Bson) -> Document {
+fn several(details: Document, schemas: &[Bson], value: &Bson, place: Place) -> Document {
     let mut listed = Vec::new();
     for (index, schema) in schemas.iter().filter_map(Bson::as_document).enumerate() {
         if !satisfies(schema, value) {
             let mut one = doc! { "index": number(index) };
-            titled(schema, &mut one);
-            one.insert("details", failing(schema, value));
+            within(&mut one, schema, value, place);
             listed.push(one);
         }
     }
     with(details, doc! { "schemasNotSatisfied": listed })
 }
 
-/// The first item that does not satisfy a schema: its index, and the rules.
+/// The first item that does not satisfy a schema.
 fn first_failing<'a>(
+    mut details: Document,
+    reason: &str,
     schema: &Document,
     mut items: impl Iterator<Item = (usize, &'a Bson)>,
-) -> Option<(i32, Vec<Document>)> {
+) -> Option<Document> {
     let (index, item) = items.find(|(_, item)| !satisfies(schema, item))?;
-    Some((number(index), failing(schema, item)))
+    titled(schema, &mut details);
+    let failing = failing(schema, item, Place::Value);
+    Some(with(details, doc! { "reason": reason, "itemIndex": number(index), "details": failing }))
 }
 
 /// Those of the names that a document does not have; none where it has all.

@@ -216,6 +216,40 @@ fn refusals() -> Vec<(Document, Vec<Document>)> {
             vec![doc! {}, doc! { "a": 1, "b": 1 }],
         ),
         (schema(doc! { "bsonType": "array" }), vec![doc! {}]),
+        // What has the type of no keyword beside it, and what no document can be.
+        (
+            schema(doc! { "properties": {
+                "a": { "type": "boolean", "minimum": 3, "minLength": 3, "minItems": 3, "required": ["b"], "enum": [1] },
+                "b": { "bsonType": ["bool", "null"], "minimum": 3, "pattern": "x" },
+                "c": { "bsonType": "int", "minimum": 3, "exclusiveMinimum": false },
+            } }),
+            vec![doc! { "a": 1, "b": 1, "c": 1.5 }, doc! { "a": "x", "b": "y" }, doc! { "a": [1] }, doc! { "a": {} }],
+        ),
+        (
+            schema(doc! {
+                "allOf": [{ "title": "t", "bsonType": "int" }, { "title": "u", "allOf": [{ "enum": [1] }] }],
+                "anyOf": [{ "type": "array" }, { "required": ["b"], "description": "d" }],
+                "dependencies": { "a": { "type": "null" }, "c": { "enum": [1] } },
+            }),
+            vec![doc! { "a": 1, "c": 1 }],
+        ),
+        (
+            schema(doc! {
+                "properties": {
+                    "a": { "items": { "title": "t", "bsonType": "int" } },
+                    "b": { "items": [{ "title": "t" }], "additionalItems": { "title": "u", "bsonType": "int" } },
+                },
+                "patternProperties": { "^s": { "title": "v", "bsonType": "int" } },
+                "additionalProperties": { "description": "w", "bsonType": ["objectId", "int"] },
+            }),
+            vec![doc! { "a": ["x"], "b": [1, "x"], "s": "x", "t": "x" }],
+        ),
+        (
+            doc! { "$and": [schema(doc! { "title": "t", "required": ["b"] }), { "c": 1 }, schema(doc! { "title": "u", "type": "null" })] },
+            vec![doc! { "a": 1 }],
+        ),
+        (doc! { "$nor": [schema(doc! { "description": "d" })] }, vec![doc! { "a": 1 }]),
+        (doc! { "n": { "$mod": [3, 1] }, "m": { "$regex": "x" } }, vec![doc! { "n": [], "m": [] }]),
         // What would be too large is shortened.
         (
             schema(doc! { "title": "T", "properties": { "a": { "maxLength": 1, "pattern": "y", "title": "t" } } }),
