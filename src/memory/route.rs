@@ -1,6 +1,7 @@
 //! Which store a database is in, and opening it when it is needed.
 
 use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::query::QueryError;
@@ -236,6 +237,23 @@ impl Routes {
     pub(super) fn collections_by_store(&self) -> impl Iterator<Item = (String, Result<Vec<Namespace>, StoreError>)> {
         let stores = std::iter::once(&self.local).chain(self.used());
         stores.map(|lazy| (lazy.describe(), self.listed(std::iter::once(lazy))))
+    }
+
+    /// [`Routes::collections`], by database. Where the shared store cannot be reached, its databases are there without any.
+    pub(super) fn databases(&self) -> Result<BTreeMap<String, Vec<Namespace>>, StoreError> {
+        let mut found = self.listed(std::iter::once(&self.local))?;
+        let mut databases: BTreeMap<String, Vec<Namespace>> = BTreeMap::new();
+        match self.used().map(|shared| self.listed(std::iter::once(shared))) {
+            Some(Err(StoreError::Unreachable { .. })) => {
+                databases.extend(self.shared_databases.iter().map(|name| (name.clone(), Vec::new())));
+            }
+            Some(shared) => found.extend(shared?),
+            None => {}
+        }
+        for ns in found {
+            databases.entry(ns.database.clone()).or_default().push(ns);
+        }
+        Ok(databases)
     }
 
     /// The collections that belong to these stores, sorted.

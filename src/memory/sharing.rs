@@ -1,5 +1,6 @@
 //! What a server needs of a memory that it shares among clients.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use bson::{DateTime, Document};
@@ -110,6 +111,14 @@ impl Memory {
     /// Where a store fails.
     pub fn all_collections(&self) -> Result<Vec<Namespace>, StoreError> {
         self.routes.collections()
+    }
+
+    /// The same by database. Where the shared store cannot be reached, its databases are there without collections.
+    ///
+    /// # Errors
+    /// Where a store fails.
+    pub fn databases(&self) -> Result<BTreeMap<String, Vec<Namespace>>, StoreError> {
+        self.routes.databases()
     }
 
     /// The same without those that a server keeps: no server is asked.

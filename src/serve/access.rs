@@ -4,6 +4,8 @@
 //! with it. rmem itself as a client keeps the metadata, and computes, by itself, as it does on
 //! MongoDB: it is given the store as it is.
 
+use std::collections::BTreeMap;
+
 use bson::{Bson, Document};
 
 use crate::memory::Memory;
@@ -111,6 +113,14 @@ impl<'m> Access<'m> {
 
     pub(super) fn collections(self) -> Result<Vec<Namespace>, StoreError> {
         Ok(self.seen(self.memory.all_collections()?))
+    }
+
+    /// Those by database. One of the shared store has none while that cannot be reached.
+    pub(super) fn databases(self) -> Result<BTreeMap<String, Vec<Namespace>>, StoreError> {
+        let all = self.memory.databases()?.into_iter();
+        let seen = all.map(|(name, collections)| (name, collections.is_empty(), self.seen(collections)));
+        let seen = seen.filter(|(_, is_away, collections)| *is_away || !collections.is_empty());
+        Ok(seen.map(|(name, _, collections)| (name, collections)).collect())
     }
 
     /// The collections of a database.

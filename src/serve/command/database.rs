@@ -1,7 +1,5 @@
 //! `listDatabases`, `dropDatabase`
 
-use std::collections::BTreeMap;
-
 use bson::{Bson, Document, RawDocumentBuf, doc, rawdoc};
 
 use super::definition::{Command, raw};
@@ -31,12 +29,8 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
     }
     let (filter, name_only) = (Filter::parse(&fields.document_or_empty("filter")?)?, fields.flag("nameOnly")?);
     let memory = host.memory()?;
-    let mut all: BTreeMap<String, Vec<Namespace>> = BTreeMap::new();
-    for ns in call.access(memory).collections()? {
-        all.entry(ns.database.clone()).or_default().push(ns);
-    }
     let (mut databases, mut total) = (Vec::new(), 0_i64);
-    for (name, collections) in all {
+    for (name, collections) in call.access(memory).databases()? {
         let size = if name_only { 0 } else { statistics::bytes(memory, &collections)? };
         let mut entry: Document = doc! { "name": name };
         if !name_only {

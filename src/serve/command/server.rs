@@ -16,6 +16,7 @@ use crate::serve::host::Host;
 use crate::serve::request::Request;
 use crate::serve::server::Server;
 use crate::serve::session::TRANSACTION_LIMIT;
+use crate::store::Namespace;
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::read("serverStatus", status),
@@ -190,7 +191,7 @@ fn top(host: &mut Host<'_>, call: &Call) -> Answer {
     call.request.check_admin()?;
     let server = Arc::clone(&host.server);
     let mut totals = doc! { "note": "all times in microseconds" };
-    let all = call.access(host.memory()?).collections()?;
+    let all: Vec<Namespace> = call.access(host.memory()?).databases()?.into_values().flatten().collect();
     totals.extend(all.iter().map(|ns| (ns.to_string(), Bson::Document(server.usage.of(&ns.to_string())))));
     raw(&doc! { "totals": totals })
 }

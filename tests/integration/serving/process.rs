@@ -90,6 +90,9 @@ fn alone() -> Result<(), Failed> {
     let client = served.client()?;
     client.database("a").collection::<Document>("c").insert_one(doc! { "_id": 1 }).run()?;
     assert_eq!(client.database("a").list_collection_names().run()?, ["c"]);
+    assert_eq!(client.list_database_names().run()?, ["a", "team"]);
+    let top = client.database("admin").run_command(doc! { "top": 1 }).run()?;
+    assert!(top.get_document("totals")?.contains_key("a.c"), "{top}");
     let refused = code(client.database("team").collection::<Document>("c").find_one(doc! {}).run());
     assert_eq!(refused, Some(6));
     assert_eq!(served.terminate()?, Some(0));
