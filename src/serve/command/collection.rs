@@ -13,7 +13,7 @@ use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
 use crate::store::namespace::is_internal;
 use crate::store::validation::{OPTIONS, VALIDATOR, collection_options};
-use crate::store::{Index, Namespace, Validation, ValidationAction, ValidationLevel, index};
+use crate::store::{Index, IndexChange, Namespace, Validation, ValidationAction, ValidationLevel, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("create", create).transactional(),
@@ -282,7 +282,7 @@ fn modify_index(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Answer {
     if before == hidden {
         return crate::serve::host::empty();
     }
-    memory.hide_index(ns, &found.name, hidden)?;
+    memory.modify_index(ns, &found.name, IndexChange { hidden: Some(hidden), expire_after: None })?;
     raw(&doc! { "hidden_old": before, "hidden_new": hidden })
 }
 
