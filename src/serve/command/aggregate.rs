@@ -3,7 +3,7 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, Run, raw};
-use super::statistics;
+use super::{results, statistics};
 use crate::memory::Memory;
 use crate::query::{Description, Origin, Pipeline, QueryError, type_name};
 use crate::serve::call::Call;
@@ -134,7 +134,13 @@ fn write(memory: &Memory, call: &Call) -> Answer {
     Spec::read(&call.request, &stages)?;
     check_source(&ns, &stages)?;
     let aggregation = Aggregation { stages: &stages, modifiers: &fields.modifiers()? };
-    call.access(memory).aggregate(&ns, aggregation)?.try_for_each(|document| document.map(drop))?;
+    let written = call.access(memory).aggregate(&ns, aggregation);
+    let written = written.and_then(|mut rest| rest.try_for_each(|document| document.map(drop)));
+    if let Err(error) = written {
+        let failure = Failure::from(error);
+        // A MongoDB server says itself what it did.
+        return Err(if memory.is_current(&ns)? { results::explained(&stages, failure) } else { failure });
+    }
     Ok(crate::serve::cursor::reply(0, &ns.to_string(), &bson::RawArrayBuf::new(), true))
 }
 

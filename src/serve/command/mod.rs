@@ -20,6 +20,7 @@ mod map_reduce;
 mod modify;
 mod operation;
 mod options;
+mod results;
 mod server;
 mod session;
 mod statistics;
