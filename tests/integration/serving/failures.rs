@@ -146,6 +146,7 @@ fn explained() -> Vec<Document> {
         merge(doc! {}, doc! { "whenMatched": "fail" }),
         merge(doc! { "_id": 7, "u": 1 }, doc! { "whenMatched": "fail" }),
         merge(doc! { "_id": 7, "u": 1 }, doc! {}),
+        merge(doc! { "u": 1 }, doc! { "on": "u", "whenMatched": "fail" }),
     ]
 }
 
