@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Diagnostic, quantity};
 use crate::memory::Memory;
-use crate::store::{Index, Namespace};
+use crate::store::{Index, IndexChange, Namespace};
 
 /// What stands below the help of `index`.
 const HELP: &str = "\
@@ -175,7 +175,8 @@ fn present(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, verb: &str)
 
 fn hide(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, context: &mut Context<'_>) -> Result<Exit> {
     let name = present(args, wanted, memory, if args.hide { "hide" } else { "unhide" })?;
-    if !memory.hide_index(&args.namespace, &name, args.hide)? {
+    let change = IndexChange { hidden: Some(args.hide), expire_after: None };
+    if !memory.modify_index(&args.namespace, &name, change)? {
         context.output.warn(&format!("{} has no index {name}", args.namespace));
     }
     Ok(Exit::Done)

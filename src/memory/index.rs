@@ -1,7 +1,7 @@
 //! Indexes of the memory's collections.
 
 use super::Memory;
-use crate::store::{Index, Namespace, StoreError};
+use crate::store::{Index, IndexChange, Namespace, StoreError};
 
 impl Memory {
     /// Makes an index; see [`crate::store::Store::create_index`].
@@ -21,10 +21,14 @@ impl Memory {
         self.journal.note("drop index", Some(ns), |found| u64::from(*found), work)
     }
 
-    /// Keeps an index from queries, or gives it back; see [`crate::store::Store::hide_index`].
-    pub fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
-        let what = if hidden { "hide index" } else { "unhide index" };
-        let work = || self.routes.reading(ns)?.hide_index(ns, name, hidden);
+    /// Changes an index; see [`crate::store::Store::modify_index`].
+    pub fn modify_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError> {
+        let what = match change {
+            IndexChange { hidden: Some(true), expire_after: None } => "hide index",
+            IndexChange { hidden: Some(false), expire_after: None } => "unhide index",
+            _ => "modify index",
+        };
+        let work = || self.routes.reading(ns)?.modify_index(ns, name, change);
         self.journal.note(what, Some(ns), |found| u64::from(*found), work)
     }
 

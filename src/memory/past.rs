@@ -15,8 +15,8 @@ use super::route::{Lazy, Routes};
 use crate::calendar::day_and_time;
 use crate::query::{Collation, QueryError};
 use crate::store::{
-    Aggregation, Changes, Documents, Embedded, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError,
-    UpdateRequest, Updated, Validation, Values, index,
+    Aggregation, Changes, Documents, Embedded, Find, Index, IndexChange, Inserted, Name, Namespace, Put, Query, Store,
+    StoreError, UpdateRequest, Updated, Validation, Values, index,
 };
 
 /// How many documents are decoded at once.
@@ -135,7 +135,7 @@ impl Store for Past {
         self.with(ns)?.create_index(ns, index)
     }
 
-    fn hide_index(&self, _: &Namespace, _: &str, _: bool) -> Result<bool, StoreError> {
+    fn modify_index(&self, _: &Namespace, _: &str, _: IndexChange) -> Result<bool, StoreError> {
         self.refuse()
     }
 

@@ -1,7 +1,7 @@
 //! MongoDB's error codes and their names.
 
 /// The codes that have a name.
-const NAMES: [(i32, &str); 99] = [
+const NAMES: [(i32, &str); 100] = [
     (1, "InternalError"),
     (2, "BadValue"),
     (4, "NoSuchKey"),
@@ -86,6 +86,7 @@ const NAMES: [(i32, &str); 99] = [
     (237, "CursorKilled"),
     (238, "NotImplemented"),
     (239, "ClientMarkedKilled"),
+    (241, "ConversionFailure"),
     (246, "SnapshotUnavailable"),
     (251, "NoSuchTransaction"),
     (256, "TransactionCommitted"),

@@ -27,6 +27,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
     pub(in crate::serve) const DOLLAR_PREFIXED: i32 = 52;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
+    pub(in crate::serve) const IMMUTABLE: i32 = 66;
     pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
     pub(in crate::serve) const INDEX_EXISTS: i32 = 68;
     pub(in crate::serve) const INVALID_OPTIONS: i32 = 72;
@@ -64,6 +65,7 @@ pub(super) mod codes {
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
     pub(in crate::serve) const NOT_RETRYABLE: i32 = 50_768;
     pub(in crate::serve) const NO_NUMBER: i32 = 50_889;
+    pub(in crate::serve) const NO_UNIQUE_INDEX: i32 = 51_183;
     pub(in crate::serve) const NO_API_VERSION: i32 = 4_886_600;
 }
 
@@ -125,6 +127,16 @@ impl Failure {
     pub(super) fn labeled(mut self, label: &'static str) -> Self {
         self.labels.push(label);
         self
+    }
+
+    /// Whether it is about the server, and not about what it was asked.
+    pub(super) fn is_of_server(&self) -> bool {
+        matches!(self.code, codes::UNREACHABLE | codes::FAILED | codes::WRITE_CONFLICT | codes::CONFLICT)
+    }
+
+    /// The same with what failed by it in front, as MongoDB has it.
+    pub(super) fn caused(self, what: &str) -> Self {
+        Self { message: format!("{what} :: caused by :: {}", self.message), ..self }
     }
 
     /// Valid MongoDB that rmem refuses.

@@ -131,14 +131,6 @@ impl<'a> Fields<'a> {
         Failure::malformed(codes::MISSING_FIELD, message)
     }
 
-    /// Refuses null where it does not count as left out.
-    pub(super) fn refuse_null(self, name: &str) -> Result<(), Failure> {
-        match self.document.get(name) {
-            Some(null @ (Bson::Null | Bson::Undefined)) => Err(self.wrong(name, null, "object")),
-            _ => Ok(()),
-        }
-    }
-
     pub(super) fn document(self, name: &str) -> Result<Option<&'a Document>, Failure> {
         match self.get(name) {
             None => Ok(None),
@@ -279,6 +271,11 @@ pub(super) fn whole(value: &Bson) -> Option<i64> {
     }
 }
 
+/// The same, where the number is whole already.
+pub(super) fn integral(value: &Bson) -> Option<i64> {
+    whole(value).filter(|whole| crate::query::compare_values(value, &Bson::Int64(*whole)).is_eq())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -302,7 +299,9 @@ mod tests {
             (f64::INFINITY.into(), i64::MAX),
         ] {
             assert_eq!(super::whole(&value), Some(whole), "{value}");
+            assert_eq!(integral(&value), None, "{value}");
         }
+        assert_eq!((integral(&2.0.into()), integral(&decimal("3"))), (Some(2), Some(3)));
     }
 
     #[test]

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use bson::{Bson, Document, Timestamp};
 
 use super::failure::{Failure, codes};
-use super::fields::Fields;
+use super::fields::{Fields, integral, whole};
 use super::origin::Origin;
 use super::session::SessionId;
 use crate::deadline::{Ending, Limits, Stop};
-use crate::query::QueryError;
+use crate::query::{QueryError, type_name};
 use crate::store::{Acknowledgment, Namespace, WriteConcern};
 
 /// A command to be run.
@@ -42,6 +42,9 @@ static OPERATIONS: AtomicI32 = AtomicI32::new(0);
 
 /// Commands that only read, and have no write concern.
 const READING: [&str; 3] = ["find", "count", "distinct"];
+
+/// Commands that MongoDB refuses by another code than the rest where the name of their collection is no text.
+const NAMED: [&str; 5] = ["collStats", "count", "dataSize", "distinct", "validate"];
 
 /// What a command says of the transaction, or retryable write, that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,12 +80,7 @@ impl Request {
             return Err(Failure::new(codes::INVALID_OPTIONS, message));
         }
         let is_unvalidated = fields.optional_flag("bypassDocumentValidation")?.unwrap_or(false);
-        let out_of_range =
-            |limit: i64| Failure::new(codes::BAD_VALUE, format!("{limit} value for maxTimeMS is out of range"));
-        let limit = fields.whole("maxTimeMS")?.filter(|limit| *limit != 0);
-        let millis = |limit: i64| i32::try_from(limit).ok().and_then(|limit| u64::try_from(limit).ok());
-        let limit = limit.map(|limit| millis(limit).ok_or_else(|| out_of_range(limit))).transpose()?;
-        let limit = limit.map(Duration::from_millis);
+        let limit = body.get("maxTimeMS").map(|limit| time_limit(fields, limit)).transpose()?.flatten();
         let (since, stop) = (Instant::now(), Arc::default());
         // After the largest number, it begins with 0 again.
         let operation = OPERATIONS.fetch_add(1, Ordering::Relaxed).wrapping_add(1) & i32::MAX;
@@ -114,9 +112,11 @@ impl Request {
     pub(super) fn namespace(&self) -> Result<Namespace, Failure> {
         match self.target() {
             Some(Bson::String(collection)) => namespace(&self.database, collection),
-            _ => {
-                let message = format!("collection name has invalid type; expected {}: 'COLLECTION'", self.name);
-                Err(Failure::new(codes::INVALID_NAMESPACE, message))
+            other => {
+                let message = format!("collection name has invalid type {}", other.map_or("missing", type_name));
+                let code =
+                    if NAMED.contains(&self.name.as_str()) { codes::INVALID_NAMESPACE } else { codes::BAD_VALUE };
+                Err(Failure::new(code, message))
             }
         }
     }
@@ -265,11 +265,39 @@ fn transaction(fields: Fields<'_>) -> Result<Option<TransactionPart>, Failure> {
     }
 }
 
+/// How long the command may take, where that is limited.
+fn time_limit(fields: Fields<'_>, limit: &Bson) -> Result<Option<Duration>, Failure> {
+    if fields.of == "aggregate" {
+        // It reads it first, as it reads its other fields.
+        fields.size("maxTimeMS")?;
+    }
+    let wrong = |message: String| Err(Failure::new(codes::BAD_VALUE, message));
+    match whole(limit) {
+        None => wrong("maxTimeMS must be a number".to_owned()),
+        Some(_) if matches!(limit, Bson::Double(_)) && integral(limit).is_none() => {
+            wrong("maxTimeMS has non-integral value".to_owned())
+        }
+        Some(0) => Ok(None),
+        Some(millis @ 0..=0x7FFF_FFFF) => Ok(Some(Duration::from_millis(millis.unsigned_abs()))),
+        Some(other) => wrong(format!("{other} value for maxTimeMS is out of range")),
+    }
+}
+
 /// Checks what is asked of what reads see.
 fn check_read_concern(fields: Fields<'_>) -> Result<(), Failure> {
+    if fields.of == "aggregate" {
+        fields.document("readConcern")?;
+    }
+    if fields.document.get("readConcern").is_some_and(|concern| concern.as_document().is_none()) {
+        return Err(Failure::new(codes::FAILED_TO_PARSE, "readConcern field should be an object"));
+    }
     if let Some(concern) = fields.document("readConcern")? {
         let concern = Fields::new("readConcern", concern);
-        concern.known_inside(&["level", "afterClusterTime", "atClusterTime", "provenance"])?;
+        let known = ["level", "afterClusterTime", "atClusterTime", "provenance"];
+        if let Some(unknown) = concern.document.keys().find(|name| !known.contains(&name.as_str())) {
+            let message = format!("Unrecognized option in readConcern: {unknown}");
+            return Err(Failure::new(codes::INVALID_OPTIONS, message));
+        }
         let level = concern.text("level")?;
         check_provenance(concern)?;
         if concern.timestamp("afterClusterTime")?.is_some_and(|moment| moment == Timestamp { time: 0, increment: 0 }) {
@@ -293,10 +321,14 @@ fn check_read_concern(fields: Fields<'_>) -> Result<(), Failure> {
 
 /// Reads the write concern, where there is one.
 fn write_concern(fields: Fields<'_>) -> Result<Option<WriteConcern>, Failure> {
-    let Some(document) = fields.document("writeConcern")? else { return Ok(None) };
+    let Some(given) = fields.document.get("writeConcern") else { return Ok(None) };
     if READING.contains(&fields.of) {
         return Err(Failure::new(codes::INVALID_OPTIONS, format!("{} does not support writeConcern", fields.of)));
     }
+    let Bson::Document(document) = given else {
+        let message = format!("\"writeConcern\" had the wrong type. Expected object, found {}", type_name(given));
+        return Err(Failure::new(codes::TYPE_MISMATCH, message));
+    };
     let concern = Fields::new("writeConcern", document);
     concern.known_inside(&["w", "j", "fsync", "wtimeout", "wtimeoutMS", "getLastError", "provenance"])?;
     let is_journaled = concern.optional_flag("j")? == Some(true);
@@ -345,13 +377,13 @@ fn members(members: Option<&Bson>) -> Result<Acknowledgment, Failure> {
         Some(Bson::String(mode)) => Ok(Acknowledgment::Mode(mode.clone())),
         // Tags of members, and how many have to have each.
         Some(Bson::Document(tags)) => {
-            if tags.is_empty() || tags.values().any(|count| super::fields::whole(count).is_none()) {
+            if tags.is_empty() || tags.values().any(|count| whole(count).is_none()) {
                 let message = "the tags of a write concern must be a single level document with only number values";
                 return Err(Failure::new(codes::FAILED_TO_PARSE, message));
             }
             Ok(Acknowledgment::Tagged)
         }
-        Some(number) => match super::fields::whole(number) {
+        Some(number) => match whole(number) {
             Some(0) => Ok(Acknowledgment::Unacknowledged),
             Some(1) => Ok(Acknowledgment::Usual),
             Some(2..=50) => Ok(Acknowledgment::Several),
@@ -393,7 +425,21 @@ mod tests {
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": both }), codes::FAILED_TO_PARSE);
         let long = doc! { "wtimeout": 1_i64 << 31 };
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": long }), codes::FAILED_TO_PARSE);
-        assert_eq!(code(doc! { "ping": 1, "$db": "a", "maxTimeMS": 1_i64 << 31 }), codes::BAD_VALUE);
+        let limited = |limit: Bson| Request::read(doc! { "ping": 1, "$db": "a", "maxTimeMS": limit });
+        for wrong in
+            [(1_i64 << 31).into(), (-1).into(), 1.5.into(), f64::NAN.into(), "1".into(), true.into(), Bson::Null]
+        {
+            assert_eq!(limited(wrong).unwrap_err().code, codes::BAD_VALUE);
+        }
+        assert_eq!(limited(0.into()).unwrap().limit, None);
+        assert_eq!(limited(2.0.into()).unwrap().limit, Some(Duration::from_millis(2)));
+        for (command, expected) in [("ping", codes::FAILED_TO_PARSE), ("aggregate", codes::TYPE_MISMATCH)] {
+            assert_eq!(code(doc! { command: 1, "$db": "a", "readConcern": "local" }), expected);
+        }
+        assert_eq!(code(doc! { "aggregate": 1, "$db": "a", "readConcern": Bson::Null }), codes::FAILED_TO_PARSE);
+        assert_eq!(code(doc! { "aggregate": 1, "$db": "a", "maxTimeMS": "1" }), codes::TYPE_MISMATCH);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": Bson::Null }), codes::TYPE_MISMATCH);
+        assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": Bson::Null }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "bypassDocumentValidation": "x" }), codes::TYPE_MISMATCH);
         let concern = |concern: Document| code(doc! { "ping": 1, "$db": "a", "readConcern": concern });
         assert_eq!(concern(doc! { "afterClusterTime": Timestamp { time: 1, increment: 1 } }), 0);
@@ -402,6 +448,7 @@ mod tests {
         assert_eq!(concern(doc! { "atClusterTime": Timestamp { time: 1, increment: 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(concern(doc! { "provenance": "clientSupplied" }), 0);
         assert_eq!(concern(doc! { "provenance": "far" }), codes::BAD_VALUE);
+        assert_eq!(concern(doc! { "other": 1 }), codes::INVALID_OPTIONS);
         let none = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0.5 } }).unwrap();
         assert_eq!(none.write_concern.unwrap().acknowledgment, Acknowledgment::Unacknowledged);
         let journaled = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 0, "j": true } }).unwrap();
@@ -423,6 +470,8 @@ mod tests {
         let request = Request::read(doc! { "insert": "a..b", "$db": "d" }).unwrap();
         assert_eq!(request.namespace().unwrap_err().code, codes::INVALID_NAMESPACE);
         let request = Request::read(doc! { "insert": 1, "$db": "d" }).unwrap();
+        assert_eq!(request.namespace().unwrap_err().code, codes::BAD_VALUE);
+        let request = Request::read(doc! { "count": 1, "$db": "d" }).unwrap();
         assert_eq!(request.namespace().unwrap_err().code, codes::INVALID_NAMESPACE);
     }
 }

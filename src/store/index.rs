@@ -13,6 +13,9 @@ pub const DECAY: &str = "_robmem_info.decay_time_1";
 /// The option of an index whose strings do not compare byte by byte.
 pub const COLLATION: &str = "collation";
 
+/// The option of an index that queries do not use.
+pub const HIDDEN: &str = "hidden";
+
 /// MongoDB's code for an option that cannot be.
 const INVALID_OPTIONS: i32 = 67;
 
@@ -37,6 +40,15 @@ pub struct Index {
     /// Other options, as MongoDB spells them: `partialFilterExpression`, `hidden`, those of geospatial indexes, and ones
     /// that only a server understands.
     pub other: Document,
+}
+
+/// What is to be changed of an index; what is `None` stays.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct IndexChange {
+    /// Whether it is kept from queries.
+    pub hidden: Option<bool>,
+    /// Documents are removed so many seconds after the date they have there.
+    pub expire_after: Option<i64>,
 }
 
 impl Index {
@@ -167,6 +179,23 @@ impl Index {
             self.other.insert(COLLATION, Collation::simple().definition().clone());
         }
         self
+    }
+
+    /// Whether it is kept from queries.
+    #[must_use]
+    pub fn is_hidden(&self) -> bool {
+        self.other.get_bool(HIDDEN).unwrap_or(false)
+    }
+
+    /// The same index with a change.
+    #[must_use]
+    pub fn changed(mut self, change: IndexChange) -> Self {
+        match change.hidden {
+            Some(true) => drop(self.other.insert(HIDDEN, true)),
+            Some(false) => drop(self.other.remove(HIDDEN)),
+            None => {}
+        }
+        Self { expire_after: change.expire_after.or(self.expire_after), ..self }
     }
 
     /// Whether it has these keys, in this order.

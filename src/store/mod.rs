@@ -35,7 +35,7 @@ pub use embedded::Embedded;
 pub use error::StoreError;
 pub(crate) use file_identity::FileIdentity;
 pub use history::{Entry, History, HistoryRule};
-pub use index::Index;
+pub use index::{Index, IndexChange};
 pub use key_options::KeyOptions;
 pub use modifiers::{Hint, Modifiers};
 #[cfg(feature = "mongodb")]
@@ -151,8 +151,8 @@ pub trait Store: Send {
     /// Removes the index of that name; returns whether it existed.
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError>;
 
-    /// Keeps the index of that name from queries, or gives it back to them; returns whether it exists.
-    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError>;
+    /// Changes the index of that name; returns whether it exists.
+    fn modify_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError>;
 
     /// The indexes of a collection, that on `_id` first; none where there is no collection.
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError>;

@@ -10,8 +10,8 @@ use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::query::Collation;
 use rmem::store::{
-    Aggregation, Embedded, Find, HistoryRule, Index, Inserted, Modifiers, Namespace, Query, Scope, Store, StoreError,
-    UpdateRequest, UpdateSpec, Updated,
+    Aggregation, Embedded, Find, HistoryRule, Index, IndexChange, Inserted, Modifiers, Namespace, Query, Scope, Store,
+    StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 type Case = fn(&dyn Store, &Namespace);
@@ -79,6 +79,7 @@ const CASES: &[(&str, Case)] = cases![
     documents_may_be_read_while_others_are_written,
     values_of_every_type_come_back,
     an_index_is_listed_until_it_is_dropped,
+    an_index_is_changed_in_its_place,
     an_index_with_other_options_is_a_conflict,
     a_unique_index_refuses_a_taken_key_by_its_name,
     a_unique_index_is_not_made_over_duplicates,
@@ -1013,6 +1014,21 @@ fn an_index_is_listed_until_it_is_dropped(store: &dyn Store, ns: &Namespace) {
     assert!(!store.drop_index(ns, "at_-1").unwrap());
     assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids()]);
     assert!(store.drop_index(ns, "_id_").is_err());
+}
+
+fn an_index_is_changed_in_its_place(store: &dyn Store, ns: &Namespace) {
+    let wanted = Index { expire_after: Some(60), ..Index::on(doc! { "at": -1 }) };
+    store.create_index(ns, &wanted).unwrap();
+    let change = IndexChange { hidden: Some(true), expire_after: Some(90) };
+    assert!(store.modify_index(ns, "at_-1", change).unwrap());
+    assert_eq!(store.indexes(ns).unwrap(), [Index::of_ids(), wanted.clone().changed(change)]);
+    let change = IndexChange { hidden: Some(false), expire_after: None };
+    assert!(store.modify_index(ns, "at_-1", change).unwrap());
+    assert_eq!(store.indexes(ns).unwrap()[1], Index { expire_after: Some(90), ..wanted });
+    assert!(!store.modify_index(ns, "other", change).unwrap());
+    for change in [change, IndexChange { hidden: None, expire_after: Some(1) }] {
+        assert!(store.modify_index(ns, "_id_", change).is_err(), "{change:?}");
+    }
 }
 
 fn an_index_with_other_options_is_a_conflict(store: &dyn Store, ns: &Namespace) {

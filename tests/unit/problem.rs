@@ -11,8 +11,8 @@ use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names, s
 use rmem::query::Collation;
 use rmem::store::embedded::Embedded;
 use rmem::store::{
-    Aggregation, Documents, Find, Index, Inserted, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest,
-    Updated, Values,
+    Aggregation, Documents, Find, Index, IndexChange, Inserted, Name, Namespace, Put, Query, Store, StoreError,
+    UpdateRequest, Updated, Values,
 };
 
 fn memory(documents: Vec<Document>) -> Memory {
@@ -523,7 +523,7 @@ impl Store for Talkative {
         unreachable!()
     }
 
-    fn hide_index(&self, _: &Namespace, _: &str, _: bool) -> Result<bool, StoreError> {
+    fn modify_index(&self, _: &Namespace, _: &str, _: IndexChange) -> Result<bool, StoreError> {
         unreachable!()
     }
 

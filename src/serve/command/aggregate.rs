@@ -3,15 +3,15 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, Run, raw};
-use super::statistics;
+use super::{results, statistics};
 use crate::memory::Memory;
-use crate::query::{Description, Origin, Pipeline, QueryError};
+use crate::query::{Description, Origin, Pipeline, QueryError, type_name};
 use crate::serve::call::Call;
 use crate::serve::changes::{Spec, Stream};
 use crate::serve::clock;
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::Fields;
+use crate::serve::fields::{Fields, integral, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::{Request, namespace};
 use crate::store::{Aggregation, Documents, Namespace, Scope, StoreError};
@@ -55,9 +55,13 @@ pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Ve
     let stages: Vec<Document> = stages.into_iter().cloned().collect();
     let ns = match call.request.target() {
         Some(Bson::String(_)) => call.request.readable()?,
-        Some(number) if crate::serve::fields::whole(number) == Some(1) => {
+        Some(number) if integral(number) == Some(1) => {
             let database = namespace(&call.request.database, "x")?.database;
             Namespace { database, collection: NO_COLLECTION.to_owned() }
+        }
+        Some(other) if whole(other).is_none() => {
+            let message = format!("collection name has invalid type: {}", type_name(other));
+            return Err(Failure::new(codes::TYPE_MISMATCH, message));
         }
         _ => {
             return Err(Failure::new(
@@ -130,7 +134,13 @@ fn write(memory: &Memory, call: &Call) -> Answer {
     Spec::read(&call.request, &stages)?;
     check_source(&ns, &stages)?;
     let aggregation = Aggregation { stages: &stages, modifiers: &fields.modifiers()? };
-    call.access(memory).aggregate(&ns, aggregation)?.try_for_each(|document| document.map(drop))?;
+    let written = call.access(memory).aggregate(&ns, aggregation);
+    let written = written.and_then(|mut rest| rest.try_for_each(|document| document.map(drop)));
+    if let Err(error) = written {
+        let failure = Failure::from(error);
+        // A MongoDB server says itself what it did.
+        return Err(if memory.is_current(&ns)? { results::explained(&stages, failure) } else { failure });
+    }
     Ok(crate::serve::cursor::reply(0, &ns.to_string(), &bson::RawArrayBuf::new(), true))
 }
 

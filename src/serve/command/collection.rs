@@ -1,25 +1,24 @@
-//! `create`, `drop`, `renameCollection`, `collMod`, `listCollections`
+//! `create`, `drop`, `renameCollection`, `listCollections`
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
 use super::options::{self, Options, Type};
 use crate::memory::{Listed, Memory};
-use crate::query::{Collation, Filter, Validator, type_name};
+use crate::query::{Collation, Filter, Validator};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::namespace;
 use crate::store::namespace::is_internal;
-use crate::store::validation::{OPTIONS, VALIDATOR, collection_options};
-use crate::store::{Index, Namespace, Validation, ValidationAction, ValidationLevel, index};
+use crate::store::validation::collection_options;
+use crate::store::{Index, Namespace, Validation, index};
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::write("create", create).transactional(),
     Command::write("drop", drop_collection),
     Command::write("renameCollection", rename),
-    Command::write("collMod", modify),
     Command::read("listCollections", list),
 ];
 
@@ -28,36 +27,20 @@ const OF_CREATE: Options = &[
     ("autoIndexId", Type::Flag),
     ("capped", Type::Flag),
     ("changeStreamPreAndPostImages", IMAGES),
-    ("clusteredIndex", Type::ObjectOrFlag),
+    ("clusteredIndex", Type::Given(&Type::Either(&Type::Flag, &Type::Of(&["key", "unique"], OF_CLUSTERED)))),
     ("collation", Type::Object),
-    ("encryptedFields", Type::With("fields")),
+    ("encryptedFields", Type::Of(&["fields"], OF_ENCRYPTED)),
     ("expireAfterSeconds", Type::Number),
     ("flags", Type::Number),
     ("idIndex", Type::Object),
-    ("indexOptionDefaults", Type::Of(None, &[("storageEngine", Type::Object)])),
-    ("max", Type::Number),
-    ("pipeline", Type::Array),
-    ("size", Type::Number),
+    ("indexOptionDefaults", Type::Of(&[], &[("storageEngine", Type::Object)])),
+    ("max", Type::Within(i64::MIN, 1 << 31)),
+    ("pipeline", Type::Objects),
+    ("recordPreImages", Type::Flag),
+    ("size", Type::Within(1, i64::MAX)),
     ("storageEngine", Type::Object),
     ("temp", Type::Flag),
-    ("timeseries", Type::With("timeField")),
-    ("validationAction", ACTION),
-    ("validationLevel", LEVEL),
-    ("validator", Type::Object),
-    ("viewOn", Type::Text),
-];
-
-/// The options of `collMod`.
-const OF_MODIFY: Options = &[
-    ("cappedMax", Type::Number),
-    ("cappedSize", Type::Number),
-    ("changeStreamPreAndPostImages", IMAGES),
-    ("dryRun", Type::Flag),
-    ("expireAfterSeconds", Type::TextOrNumber),
-    ("index", Type::Of(None, OF_INDEX)),
-    ("pipeline", Type::Array),
-    ("recordPreImages", Type::Flag),
-    ("timeseries", Type::Object),
+    ("timeseries", Type::Of(&["timeField"], OF_SERIES)),
     ("validationAction", ACTION),
     ("validationLevel", LEVEL),
     ("validator", Type::Object),
@@ -67,19 +50,37 @@ const OF_MODIFY: Options = &[
 /// The options of `renameCollection`.
 const OF_RENAME: Options = &[("to", Type::Text), ("dropTarget", Type::Bool), ("stayTemp", Type::Bool)];
 
-/// What `collMod` may change of an index.
-const OF_INDEX: Options = &[
-    ("expireAfterSeconds", Type::Number),
-    ("hidden", Type::Flag),
-    ("keyPattern", Type::Object),
-    ("name", Type::Text),
-    ("prepareUnique", Type::Flag),
-    ("unique", Type::Flag),
+/// The options of a collection that is clustered.
+const OF_CLUSTERED: Options =
+    &[("key", Type::Object), ("name", Type::Text), ("unique", Type::Flag), ("v", Type::Number)];
+
+/// The options of a time series.
+const OF_SERIES: Options = &[
+    ("bucketMaxSpanSeconds", Type::Within(1, i64::MAX)),
+    ("granularity", GRANULARITY),
+    ("metaField", Type::Text),
+    ("timeField", Type::Text),
 ];
 
-const IMAGES: Type = Type::Of(Some("enabled"), &[("enabled", Type::Bool)]);
-const LEVEL: Type = Type::OneOf(&["off", "strict", "moderate"]);
-const ACTION: Type = Type::OneOf(&["error", "warn"]);
+/// The options of a collection with encrypted fields.
+const OF_ENCRYPTED: Options = &[
+    ("eccCollection", Type::Text),
+    ("ecocCollection", Type::Text),
+    ("escCollection", Type::Text),
+    ("fields", Type::Objects),
+];
+
+/// How far apart the measurements of a time series are.
+pub(super) const GRANULARITY: Type = Type::OneOf(&["seconds", "minutes", "hours"]);
+/// Whether changes are kept with the documents before and after them.
+pub(super) const IMAGES: Type = Type::Of(&["enabled"], &[("enabled", Type::Bool)]);
+/// Which writes a validator is for.
+pub(super) const LEVEL: Type = Type::OneOf(&["off", "strict", "moderate"]);
+/// What is done with a document that a validator does not let pass.
+pub(super) const ACTION: Type = Type::OneOf(&["error", "warn"]);
+
+/// MongoDB's code for a collection without an index on `_id`.
+const NOT_REPLICATED: i32 = 50_001;
 
 /// Options of `create` that have no meaning without another one.
 const DEPENDENT: [(&str, &[&str]); 4] = [
@@ -94,13 +95,14 @@ const REFUSED: [&str; 5] = ["capped", "clusteredIndex", "encryptedFields", "time
 
 fn create(memory: &Memory, call: &Call) -> Answer {
     let fields = call.request.fields();
-    if let Some(other) = call.request.target().filter(|name| name.as_str().is_none()) {
-        let message = format!("collection name has invalid type {}", type_name(other));
-        return Err(Failure::new(codes::BAD_VALUE, message));
-    }
     let ns = call.request.namespace()?;
     options::check("create", fields.document, OF_CREATE)?;
     check_dependent(fields)?;
+    check_images(fields)?;
+    if fields.optional_flag("autoIndexId")? == Some(false) {
+        let message = format!("autoIndexId:false is not allowed for collection {ns} because it can be replicated");
+        return Err(Failure::new(NOT_REPLICATED, message));
+    }
     let engines =
         fields.document("indexOptionDefaults")?.and_then(|defaults| defaults.get_document("storageEngine").ok());
     fields.document("storageEngine")?.into_iter().chain(engines).try_for_each(check_engines)?;
@@ -118,7 +120,7 @@ fn create(memory: &Memory, call: &Call) -> Answer {
 }
 
 /// What a command says of the documents that a collection takes.
-fn validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<Validation, Failure> {
+pub(super) fn validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<Validation, Failure> {
     let validation = Validation::read(fields.document)?;
     let Some(validator) = &validation.validator else { return Ok(validation) };
     if is_internal(&ns.database) {
@@ -144,12 +146,29 @@ fn check_dependent(fields: Fields<'_>) -> Result<(), Failure> {
     if is_said("capped") && !is_said("size") {
         return invalid("the 'size' field is required when 'capped' is true".to_owned());
     }
-    if is_said("temp") {
+    if fields.optional_flag("temp")?.is_some() {
         return invalid("the 'temp' field is an invalid option".to_owned());
     }
     match DEPENDENT.iter().find(|(name, others)| is_said(name) && !others.iter().any(|other| is_said(other))) {
         Some((name, others)) => invalid(format!("the '{name}' field needs {}", others.join(" or "))),
         None => Ok(()),
+    }
+}
+
+/// Images of documents before and after changes are always kept, whether a command asks for them or not; MongoDB refuses to
+/// be asked in both ways.
+pub(super) fn check_images(fields: Fields<'_>) -> Result<(), Failure> {
+    let both = fields.flag("recordPreImages")?
+        && fields
+            .document("changeStreamPreAndPostImages")?
+            .is_some_and(|images| images.get_bool("enabled").unwrap_or(false));
+    match both {
+        true => {
+            let message =
+                "'recordPreImages' and 'changeStreamPreAndPostImages.enabled' can not be set to true simultaneously";
+            Err(Failure::new(codes::INVALID_OPTIONS, message))
+        }
+        false => Ok(()),
     }
 }
 
@@ -210,80 +229,6 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     }
     memory.rename_collection(&from, &to)?;
     crate::serve::host::empty()
-}
-
-/// Images of documents before and after changes are always kept; an index can be hidden, the validator be changed, and
-/// nothing else be modified.
-fn modify(memory: &Memory, call: &Call) -> Answer {
-    let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    options::check("collMod", fields.document, OF_MODIFY)?;
-    if !memory.collections_of(&ns.database)?.contains(&ns) {
-        return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
-    }
-    let others = ["viewOn", "pipeline", "cappedSize", "cappedMax", "expireAfterSeconds", "timeseries"];
-    if let Some(name) = others.iter().find(|name| !matches!(fields.document.get(**name), None | Some(Bson::Null))) {
-        let message =
-            format!("the option {name} is not for a collection that is no view, not capped and no time series");
-        return Err(Failure::new(codes::INVALID_OPTIONS, message));
-    }
-    let change = fields.document("index")?;
-    if change.is_none() && fields.flag("dryRun")? {
-        return Err(Failure::new(codes::INVALID_OPTIONS, "dry run mode requires an valid index modification."));
-    }
-    fields.refuse(&["dryRun"])?;
-    modify_validation(memory, &ns, fields)?;
-    match change {
-        Some(change) => modify_index(memory, &ns, Fields::new("collMod.index", change)),
-        None => crate::serve::host::empty(),
-    }
-}
-
-/// Changes which documents a collection takes, where the command says something of it; what it does not say stays.
-fn modify_validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Result<(), Failure> {
-    let is_said = |name: &str| !matches!(fields.document.get(name), None | Some(Bson::Null | Bson::Undefined));
-    if !OPTIONS.iter().any(|name| is_said(name)) {
-        return Ok(());
-    }
-    let said = validation(memory, ns, fields).map_err(|failure| match failure.code {
-        codes::INVALID_OPTIONS => failure,
-        _ => {
-            let message = format!("Parsing of collection validator failed :: caused by :: {}", failure.message);
-            Failure { message, ..failure }
-        }
-    })?;
-    let before = memory.validation(ns)?.unwrap_or_default();
-    let validation = Validation {
-        validator: if is_said(VALIDATOR) { said.validator } else { before.validator },
-        level: said.level.or(before.level).or(Some(ValidationLevel::Strict)),
-        action: said.action.or(before.action).or(Some(ValidationAction::Error)),
-    };
-    Ok(memory.set_validation(ns, &validation)?)
-}
-
-/// Hides an index, or gives it back to queries.
-fn modify_index(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Answer {
-    let indexes = memory.indexes(ns)?;
-    let found = match (fields.text("name")?, fields.document("keyPattern")?) {
-        (Some(name), None) => indexes.iter().find(|index| index.name == name),
-        (None, Some(keys)) => indexes.iter().find(|index| index.has_keys(keys)),
-        _ => {
-            let message = "either the name or the keyPattern of an index is needed";
-            return Err(Failure::new(codes::INVALID_OPTIONS, message));
-        }
-    };
-    fields.refuse(&["expireAfterSeconds", "unique", "prepareUnique"])?;
-    let Some(found) = found else {
-        return Err(Failure::new(codes::NO_INDEX, format!("cannot find the index in {ns}")));
-    };
-    let Some(hidden) = fields.optional_flag("hidden")? else {
-        return Err(Failure::new(codes::INVALID_OPTIONS, "no hidden field: there is nothing to modify"));
-    };
-    let before = found.other.get_bool("hidden").unwrap_or(false);
-    if before == hidden {
-        return crate::serve::host::empty();
-    }
-    memory.hide_index(ns, &found.name, hidden)?;
-    raw(&doc! { "hidden_old": before, "hidden_new": hidden })
 }
 
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {

@@ -3,9 +3,10 @@
 use bson::{Bson, doc};
 
 use super::definition::{Command, raw};
+use super::options::{self, Options, Type};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::Fields;
+use crate::serve::fields::{Fields, integral, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::store::{Find, KeyOptions, Query};
 
@@ -15,27 +16,31 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("distinct", distinct).transactional(),
 ];
 
-/// What is taken, or makes no difference here.
-const TAKEN: [&str; 19] = [
-    "collation",
-    "let",
-    "filter",
-    "projection",
-    "sort",
-    "hint",
-    "skip",
-    "limit",
-    "batchSize",
-    "singleBatch",
-    "allowDiskUse",
-    "noCursorTimeout",
-    "allowPartialResults",
-    "oplogReplay",
-    "runtimeConstants",
-    "max",
-    "min",
-    "returnKey",
-    "showRecordId",
+/// The options of `find`; some make no difference here.
+const OF_FIND: Options = &[
+    ("allowDiskUse", Type::Strict),
+    ("allowPartialResults", Type::Strict),
+    ("awaitData", Type::Strict),
+    ("batchSize", Type::Number),
+    ("collation", Type::Given(&Type::Object)),
+    ("encryptionInformation", Type::Of(&["schema"], &[("schema", Type::Object), ("type", Type::Number)])),
+    ("filter", Type::Given(&Type::Object)),
+    ("hint", Type::Any),
+    ("let", Type::Object),
+    ("limit", Type::Number),
+    ("max", Type::Given(&Type::Object)),
+    ("min", Type::Given(&Type::Object)),
+    ("noCursorTimeout", Type::Strict),
+    ("ntoreturn", Type::Within(0, i64::MAX)),
+    ("oplogReplay", Type::Given(&Type::Bool)),
+    ("projection", Type::Given(&Type::Object)),
+    ("returnKey", Type::Strict),
+    ("runtimeConstants", Type::Any),
+    ("showRecordId", Type::Strict),
+    ("singleBatch", Type::Strict),
+    ("skip", Type::Number),
+    ("sort", Type::Given(&Type::Object)),
+    ("tailable", Type::Strict),
 ];
 
 /// What this rmem has no word for.
@@ -48,8 +53,8 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
     let limit = find.limit;
     let batch = FirstBatch {
         size: fields.size("batchSize")?,
-        is_only: fields.strict_flag("singleBatch")?,
-        never_expires: fields.strict_flag("noCursorTimeout")?,
+        is_only: fields.flag("singleBatch")?,
+        never_expires: fields.flag("noCursorTimeout")?,
     };
     // One batch, of as many as there may be.
     let size = if batch.is_only && limit > 0 { Some(limit.min(batch.size.unwrap_or(limit))) } else { batch.size };
@@ -60,12 +65,8 @@ fn find(host: &mut Host<'_>, call: &Call) -> Answer {
 
 /// The query of a `find`.
 pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
-    fields.check(&TAKEN, &REFUSED)?;
-    fields.strict_flag("allowDiskUse")?;
-    fields.strict_flag("allowPartialResults")?;
-    for name in ["filter", "sort", "projection", "min", "max"] {
-        fields.refuse_null(name)?;
-    }
+    options::check(fields.of, fields.document, OF_FIND)?;
+    fields.refuse(&REFUSED)?;
     Ok(Find {
         filter: fields.document_or_empty("filter")?,
         sort: fields.document_or_empty("sort")?,
@@ -77,8 +78,8 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
         keys: KeyOptions {
             min: fields.document_or_empty("min")?,
             max: fields.document_or_empty("max")?,
-            return_key: fields.strict_flag("returnKey")?,
-            show_record_id: fields.strict_flag("showRecordId")?,
+            return_key: fields.flag("returnKey")?,
+            show_record_id: fields.flag("showRecordId")?,
         },
     })
 }
@@ -87,8 +88,9 @@ pub(super) fn read(fields: Fields<'_>) -> Result<Find, Failure> {
 fn limit(fields: Fields<'_>) -> Result<u64, Failure> {
     let limit = match fields.document.get("limit") {
         None | Some(Bson::Null) => 0,
-        Some(given) => crate::serve::fields::whole(given)
-            .ok_or_else(|| Failure::new(codes::BAD_VALUE, format!("the limit is no number: {given}")))?,
+        Some(given) => {
+            whole(given).ok_or_else(|| Failure::new(codes::BAD_VALUE, format!("the limit is no number: {given}")))?
+        }
     };
     if limit == i64::MIN {
         return Err(Failure::new(codes::BAD_VALUE, "the limit is too small"));
@@ -113,9 +115,8 @@ fn count(host: &mut Host<'_>, call: &Call) -> Answer {
 
 /// Refuses a limit of `count` that is not whole: there, MongoDB does not round it.
 fn check_limit(fields: Fields<'_>) -> Result<(), Failure> {
-    let given = fields.document.get("limit");
-    match given.zip(given.and_then(crate::serve::fields::whole)) {
-        Some((given, whole)) if !crate::query::compare_values(given, &Bson::Int64(whole)).is_eq() => {
+    match fields.document.get("limit") {
+        Some(given) if whole(given).is_some() && integral(given).is_none() => {
             Err(Failure::new(codes::FAILED_TO_PARSE, format!("Expected an integer: limit: {given}")))
         }
         _ => Ok(()),

@@ -3,12 +3,13 @@
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::definition::{Command, raw};
+use super::options::{self, Options, Type, is_known};
 use crate::memory::Memory;
 use crate::query::Collation;
 use crate::serve::access::Metadata;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
-use crate::serve::fields::{Fields, whole};
+use crate::serve::fields::{Fields, integral, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::store::{Find, Index, Namespace, index};
 
@@ -19,43 +20,49 @@ pub(super) const COMMANDS: &[Command] = &[
     Command::read("listIndexes", list),
 ];
 
-/// What the definition of an index may say.
-const OPTIONS: [&str; 27] = [
-    "2dsphereIndexVersion",
-    "background",
-    "bits",
-    "bucketSize",
-    "clustered",
-    "coarsestIndexedLevel",
-    "collation",
-    "default_language",
-    "dropDups",
-    "expireAfterSeconds",
-    "finestIndexedLevel",
-    "hidden",
-    "key",
-    "language_override",
-    "max",
-    "min",
-    "name",
-    "ns",
-    "partialFilterExpression",
-    "prepareUnique",
-    "sparse",
-    "storageEngine",
-    "textIndexVersion",
-    "unique",
-    "v",
-    "weights",
-    "wildcardProjection",
+/// What the definition of an index may say; the others are checked where the index is read.
+const OPTIONS: Options = &[
+    ("2dsphereIndexVersion", NUMBER),
+    ("background", Type::Given(&Type::Flag)),
+    ("bits", NUMBER),
+    ("bucketSize", Type::Any),
+    ("clustered", Type::Any),
+    ("coarsestIndexedLevel", Type::Any),
+    ("collation", Type::Any),
+    ("default_language", Type::Any),
+    ("dropDups", Type::Any),
+    ("expireAfterSeconds", Type::Any),
+    ("finestIndexedLevel", Type::Any),
+    ("hidden", Type::Any),
+    ("key", Type::Given(&Type::Object)),
+    ("language_override", Type::Any),
+    ("max", NUMBER),
+    ("min", NUMBER),
+    ("name", Type::Given(&Type::Text)),
+    ("ns", Type::Any),
+    ("partialFilterExpression", Type::Any),
+    ("prepareUnique", Type::Any),
+    ("sparse", Type::Given(&Type::Flag)),
+    ("storageEngine", Type::Any),
+    ("textIndexVersion", Type::Any),
+    ("unique", Type::Given(&Type::Flag)),
+    ("v", NUMBER),
+    ("weights", Type::Any),
+    ("wildcardProjection", Type::Any),
 ];
+
+const NUMBER: Type = Type::Given(&Type::Number);
+
+/// The options of `createIndexes`.
+const OF_CREATE: Options =
+    &[("commitQuorum", Type::Any), ("ignoreUnknownIndexOptions", Type::Flag), ("indexes", Type::Objects)];
 
 /// What that of the index on `_id` may say.
 const OF_ID: [&str; 5] = ["collation", "key", "name", "ns", "v"];
 
 fn create(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
-    fields.known(&["indexes", "commitQuorum", "ignoreUnknownIndexOptions"])?;
+    options::check("createIndexes", fields.document, OF_CREATE)?;
     let definitions = fields.documents("indexes")?.ok_or_else(|| fields.missing("indexes"))?;
     if definitions.is_empty() {
         return Err(Failure::new(codes::BAD_VALUE, "Must specify at least one index to create"));
@@ -99,6 +106,9 @@ fn is_empty(memory: &Memory, ns: &Namespace) -> Result<bool, Failure> {
 fn check_quorum(fields: Fields<'_>) -> Result<(), Failure> {
     match fields.document.get("commitQuorum") {
         None => Ok(()),
+        Some(Bson::String(mode)) if mode.is_empty() => {
+            Err(Failure::new(codes::FAILED_TO_PARSE, "commitQuorum can't be an empty string"))
+        }
         Some(Bson::String(mode)) if mode == "majority" || mode == "votingMembers" => Ok(()),
         Some(Bson::String(mode)) => Err(Failure::no_mode(mode)),
         Some(_) => match fields.whole("commitQuorum")? {
@@ -118,9 +128,15 @@ fn check_quorum(fields: Fields<'_>) -> Result<(), Failure> {
 /// Refuses a definition that is none in MongoDB, with its codes.
 fn check(definition: &Document) -> Result<(), Failure> {
     let cannot = |message: String| Err(Failure::new(codes::CANNOT_CREATE_INDEX, message));
+    options::check_inside("createIndexes.indexes", definition, OPTIONS)?;
     let fields = Fields::new("createIndexes.indexes", definition);
-    if let Some(version) = fields.whole("v")?.filter(|version| !matches!(version, 1 | 2)) {
-        return cannot(format!("cannot create an index with version {version}; there are 1 and 2"));
+    let invalid = |message: String| Err(Failure::new(codes::BAD_VALUE, message));
+    match definition.get("v").map(|version| integral(version).and_then(|version| i32::try_from(version).ok())) {
+        None | Some(Some(1 | 2)) => {}
+        Some(Some(version)) => {
+            return cannot(format!("cannot create an index with version {version}; there are 1 and 2"));
+        }
+        Some(None) => return invalid("Index version must be representable as a 32-bit integer".to_owned()),
     }
     let Some(keys) = fields.document("key")? else { return Ok(()) };
     let is_kind = |kind: &str| ["2d", "2dsphere", "geoHaystack", "hashed", "text"].contains(&kind);
@@ -128,7 +144,6 @@ fn check(definition: &Document) -> Result<(), Failure> {
         return cannot(format!("Unknown index plugin '{kind}'"));
     }
     let direction = keys.get("_id").and_then(whole).filter(|_| keys.len() == 1);
-    let invalid = |message: String| Err(Failure::new(codes::BAD_VALUE, message));
     match (fields.text("name")?, direction) {
         (Some("*"), _) => invalid("The index name '*' is not valid.".to_owned()),
         (_, Some(..0)) => invalid(format!("The field 'key' for an _id index must be {{_id: 1}}, but got {keys}")),
@@ -149,13 +164,14 @@ fn check(definition: &Document) -> Result<(), Failure> {
 /// Refuses a definition of the index on `_id` that MongoDB refuses for a collection with this collation.
 pub(super) fn check_ids(definition: &Document, collation: Option<&Collation>) -> Result<(), Failure> {
     let fields = Fields::new("create.idIndex", definition);
-    if let Some(unknown) = definition.keys().find(|name| !OPTIONS.contains(&name.as_str())) {
+    if let Some(unknown) = definition.keys().find(|name| !is_known(OPTIONS, name)) {
         return Err(not_valid(unknown, "an index"));
     }
     if let Some(name) = ["key", "name"].into_iter().find(|name| !definition.contains_key(name)) {
         let message = format!("The '{name}' field is a required property of an index specification");
         return Err(Failure::new(codes::FAILED_TO_PARSE, message));
     }
+    options::check_inside("create.idIndex", definition, OPTIONS)?;
     let keys = fields.document_or_empty("key")?;
     if keys.is_empty() || fields.text("name")?.is_none_or(str::is_empty) {
         let message = "an index needs keys, and a name that is not empty";
@@ -182,11 +198,11 @@ fn not_valid(option: &str, what: &str) -> Failure {
 
 fn read(definition: &Document, skips_unknown: bool) -> Result<Index, Failure> {
     let mut definition = definition.clone();
-    if let Some(unknown) = definition.keys().find(|name| !OPTIONS.contains(&name.as_str())).cloned() {
+    if let Some(unknown) = definition.keys().find(|name| !is_known(OPTIONS, name)).cloned() {
         if !skips_unknown {
             return Err(not_valid(&unknown, "an index"));
         }
-        definition = definition.into_iter().filter(|(name, _)| OPTIONS.contains(&name.as_str())).collect();
+        definition = definition.into_iter().filter(|(name, _)| is_known(OPTIONS, name)).collect();
     }
     check(&definition)?;
     // An option whose value says nothing.
@@ -201,7 +217,7 @@ fn read(definition: &Document, skips_unknown: bool) -> Result<Index, Failure> {
 }
 
 /// The indexes that a client sees: not the one by which a memory finds what has decayed.
-fn shown(memory: &Memory, call: &Call, ns: &Namespace) -> Result<Vec<Index>, Failure> {
+pub(super) fn shown(memory: &Memory, call: &Call, ns: &Namespace) -> Result<Vec<Index>, Failure> {
     let mut indexes = memory.indexes(ns)?;
     if call.metadata == Metadata::Hidden {
         indexes.retain(|kept| kept.name != index::DECAY);

@@ -3,6 +3,7 @@
 //! One file a group of commands, one line of its table a command.
 
 mod aggregate;
+mod coll_mod;
 mod collection;
 mod cursor;
 mod database;
@@ -19,6 +20,7 @@ mod map_reduce;
 mod modify;
 mod operation;
 mod options;
+mod results;
 mod server;
 mod session;
 mod statistics;
@@ -53,7 +55,7 @@ use crate::store::Namespace;
 use definition::{Command, Run, raw};
 
 /// All groups.
-const GROUPS: [&[Command]; 20] = [
+const GROUPS: [&[Command]; 21] = [
     COMMANDS,
     handshake::COMMANDS,
     login::COMMANDS,
@@ -70,6 +72,7 @@ const GROUPS: [&[Command]; 20] = [
     map_reduce::COMMANDS,
     cursor::COMMANDS,
     explain::COMMANDS,
+    coll_mod::COMMANDS,
     collection::COMMANDS,
     database::COMMANDS,
     index::COMMANDS,

@@ -32,6 +32,7 @@ const TAKEN: [&str; 14] = [
 ];
 
 /// What is to be done with the first document that matches.
+#[derive(Clone)]
 struct Modification {
     query: Document,
     sort: Document,
@@ -62,10 +63,11 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
         reply.insert("retriedStmtId", number(statement));
         return raw(&reply);
     }
-    match &modification.update {
+    let answer = match &modification.update {
         None => modification.remove(memory, call, &ns),
         Some(update) => modification.change(memory, call, &ns, update),
-    }
+    };
+    answer.map_err(|failure| modification.explained(memory, call, &ns, failure))
 }
 
 impl Modification {
@@ -117,6 +119,37 @@ impl Modification {
         value(call.access(memory).stored(ns, &find)?.next().transpose()?)
     }
 
+    /// The same for no document at all.
+    fn of_nothing(&self) -> Self {
+        let query = doc! { "$and": [self.query.clone(), { "_id": { "$in": [] } }] };
+        Self { query, upsert: false, ..self.clone() }
+    }
+
+    /// Refuses an update that is wrong, also where there is nothing to update; names of fields are for the document itself.
+    fn check_update(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Result<(), Failure> {
+        let Some(update) = &self.update else { return Ok(()) };
+        match call.access(memory).update(ns, &self.request(self.query.clone(), update)) {
+            Err(StoreError::Query(error)) if error.code == codes::DOLLAR_PREFIXED => Ok(()),
+            Err(error) => Err(error.into()),
+            Ok(_) => Ok(()),
+        }
+    }
+
+    /// Why it failed, as MongoDB says it: what is wrong whatever the documents are, that refuses before it looks for one.
+    fn explained(&self, memory: &Memory, call: &Call, ns: &Namespace, failure: Failure) -> Failure {
+        // A MongoDB server has said so of its query.
+        let is_said = failure.message.contains("xecutor error during");
+        if failure.is_of_server() || is_said {
+            return failure;
+        }
+        let nothing = self.of_nothing();
+        let found = nothing.first(memory, call, ns);
+        match found.and_then(|_| nothing.check_update(memory, call, ns)) {
+            Ok(()) => failure.caused("Plan executor error during findAndModify"),
+            Err(_) => failure,
+        }
+    }
+
     fn remove(&self, memory: &Memory, call: &Call, ns: &Namespace) -> Answer {
         let Some(id) = self.id(memory, call, ns)? else {
             return raw(&doc! { "lastErrorObject": { "n": 0 }, "value": Bson::Null });
@@ -141,12 +174,7 @@ impl Modification {
         let id = self.id(memory, call, ns)?;
         let before = if self.new { Bson::Null } else { value(self.first(memory, call, ns)?)? };
         if id.is_none() && !self.upsert {
-            // A wrong update is refused, also where there is nothing to update; names of fields are for the document itself.
-            let nothing = doc! { "$and": [self.query.clone(), { "_id": { "$in": [] } }] };
-            match call.access(memory).update(ns, &self.request(nothing, update)) {
-                Err(StoreError::Query(error)) if error.code == codes::DOLLAR_PREFIXED => {}
-                done => drop(done?),
-            }
+            self.of_nothing().check_update(memory, call, ns)?;
             return raw(&doc! { "lastErrorObject": { "n": 0, "updatedExisting": false }, "value": Bson::Null });
         }
         // What the query matched determines which element `$` is.

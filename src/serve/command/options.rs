@@ -4,35 +4,45 @@ use bson::{Bson, Document};
 
 use crate::query::type_name;
 use crate::serve::failure::{Failure, codes};
-use crate::serve::fields::is_generic;
+use crate::serve::fields::{is_generic, whole};
 
-/// What an option may be.
+/// What an option may be. Null is as if it were left out, unless a type says otherwise.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Type {
+    /// Anything: who reads it checks it.
+    Any,
     /// True or false.
     Bool,
+    /// The same, and not null.
+    Strict,
     /// True or false, or a number that stands for it.
     Flag,
     Number,
+    /// A number that is at least this without its fraction, and below the other.
+    Within(i64, i64),
     Text,
-    /// A text, or a number.
-    TextOrNumber,
     /// One of these texts.
     OneOf(&'static [&'static str]),
     Object,
-    /// A document, or what [`Type::Flag`] is.
-    ObjectOrFlag,
-    /// A document with these options, of which one may have to be there.
-    Of(Option<&'static str>, &'static [(&'static str, Type)]),
-    /// A document that has to have this key.
-    With(&'static str),
-    Array,
+    /// A document with these options, of which some have to be there.
+    Of(&'static [&'static str], Options),
+    /// An array of documents, and not null.
+    Objects,
+    /// One or the other.
+    Either(&'static Type, &'static Type),
+    /// Of this type, and not null.
+    Given(&'static Type),
 }
 
 /// Options by name.
 pub(super) type Options = &'static [(&'static str, Type)];
 
-/// Checks the options of a command; null is as if left out.
+/// MongoDB's code for null instead of an array of documents.
+const NO_ARRAY: i32 = 10_065;
+/// MongoDB's code for a number that is too small or too large.
+const OUT_OF_RANGE: i32 = 51_024;
+
+/// Checks the options of a command.
 ///
 /// # Errors
 /// If MongoDB does not know one, or takes it in another type.
@@ -48,31 +58,18 @@ pub(super) fn check_inside(of: &str, document: &Document, options: Options) -> R
     document.iter().try_for_each(|given| check_one(of, given, options))
 }
 
+/// Whether an option of this name is known.
+pub(super) fn is_known(options: Options, name: &str) -> bool {
+    options.iter().any(|(known, _)| *known == name)
+}
+
 fn check_one(of: &str, (name, value): (&String, &Bson), options: Options) -> Result<(), Failure> {
-    let Some((_, wanted)) = options.iter().find(|(known, _)| known == name) else {
-        return Err(Failure::malformed(codes::UNKNOWN_FIELD, format!("BSON field '{of}.{name}' is an unknown field.")));
-    };
-    // Null is a type of its own where there are several.
-    if matches!(value, Bson::Null | Bson::Undefined) && !matches!(wanted, Type::TextOrNumber) {
-        return Ok(());
-    }
-    let place = format!("{of}.{name}");
-    if !wanted.takes(value) {
-        let (found, expected) = (type_name(value), wanted.names());
-        let message = format!("BSON field '{place}' is the wrong type '{found}', expected type '{expected}'");
-        return Err(Failure::malformed(codes::TYPE_MISMATCH, message));
-    }
-    match (wanted, value) {
-        (Type::OneOf(values), Bson::String(text)) if !values.contains(&text.as_str()) => {
-            let message = format!("Enumeration value '{text}' for field '{place}' is not a valid value.");
-            Err(Failure::new(codes::BAD_VALUE, message))
+    match options.iter().find(|(known, _)| known == name) {
+        Some((_, wanted)) => wanted.check(&format!("{of}.{name}"), value),
+        None => {
+            let message = format!("BSON field '{of}.{name}' is an unknown field.");
+            Err(Failure::malformed(codes::UNKNOWN_FIELD, message))
         }
-        (Type::Of(needed, inner), Bson::Document(document)) => {
-            check_inside(&place, document, inner)?;
-            needed.map_or(Ok(()), |needed| check_needed(&place, document, needed))
-        }
-        (Type::With(needed), Bson::Document(document)) => check_needed(&place, document, needed),
-        _ => Ok(()),
     }
 }
 
@@ -87,31 +84,90 @@ fn check_needed(place: &str, document: &Document, name: &str) -> Result<(), Fail
 }
 
 impl Type {
-    fn takes(self, value: &Bson) -> bool {
-        let is_number = matches!(value, Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Decimal128(_));
+    /// Checks the option at a place of a command.
+    fn check(self, place: &str, value: &Bson) -> Result<(), Failure> {
+        let is_null = matches!(value, Bson::Null | Bson::Undefined);
         match (self, value) {
-            (Self::Bool | Self::Flag | Self::ObjectOrFlag, Bson::Boolean(_))
-            | (Self::Text | Self::TextOrNumber | Self::OneOf(_), Bson::String(_))
-            | (Self::Object | Self::ObjectOrFlag | Self::Of(..) | Self::With(_), Bson::Document(_))
-            | (Self::Array, Bson::Array(_)) => true,
-            (Self::Flag | Self::Number | Self::TextOrNumber | Self::ObjectOrFlag, _) => is_number,
+            (Self::Given(inner), _) if !is_null => inner.check(place, value),
+            (Self::Objects, _) if is_null => {
+                let name = place.rsplit('.').next().unwrap_or(place);
+                Err(Failure::new(NO_ARRAY, format!("invalid parameter: expected an object ({name})")))
+            }
+            (Self::Given(_) | Self::Strict, _) if is_null => Err(self.wrong(place, value)),
+            _ if is_null => Ok(()),
+            _ if !self.takes(value) => Err(self.wrong(place, value)),
+            (Self::Either(one, other), _) => if one.takes(value) { one } else { other }.check(place, value),
+            (Self::Within(least, end), _) => check_range(place, whole(value).unwrap_or_default(), (least, end)),
+            (Self::OneOf(values), Bson::String(text)) if !values.contains(&text.as_str()) => {
+                let message = format!("Enumeration value '{text}' for field '{place}' is not a valid value.");
+                Err(Failure::new(codes::BAD_VALUE, message))
+            }
+            (Self::Of(needed, inner), Bson::Document(document)) => {
+                check_inside(place, document, inner)?;
+                needed.iter().try_for_each(|needed| check_needed(place, document, needed))
+            }
+            (Self::Objects, Bson::Array(values)) => values
+                .iter()
+                .enumerate()
+                .filter(|(_, value)| !matches!(value, Bson::Document(_)))
+                .try_for_each(|(nth, value)| Err(Self::Object.wrong(&format!("{place}.{nth}"), value))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether it is of the type, whatever is in it.
+    fn takes(self, value: &Bson) -> bool {
+        match (self, value) {
+            (Self::Any, _)
+            | (Self::Bool | Self::Strict | Self::Flag, Bson::Boolean(_))
+            | (Self::Text | Self::OneOf(_), Bson::String(_))
+            | (Self::Object | Self::Of(..), Bson::Document(_))
+            | (Self::Objects, Bson::Array(_)) => true,
+            (Self::Flag | Self::Number | Self::Within(..), _) => whole(value).is_some(),
+            (Self::Either(one, other), _) => one.takes(value) || other.takes(value),
+            (Self::Given(inner), _) => inner.takes(value),
             _ => false,
         }
     }
 
-    /// Its name in messages.
-    fn names(self) -> &'static str {
+    fn wrong(self, place: &str, value: &Bson) -> Failure {
+        let found = type_name(value);
+        if let Self::Strict = self {
+            let message = format!("Field '{place}' should be a boolean value, but found: {found}");
+            return Failure::new(codes::TYPE_MISMATCH, message);
+        }
+        let expected = match self.names().as_slice() {
+            [name] => format!("type '{name}'"),
+            names => format!("types '[{}]'", names.join(", ")),
+        };
+        let message = format!("BSON field '{place}' is the wrong type '{found}', expected {expected}");
+        Failure::malformed(codes::TYPE_MISMATCH, message)
+    }
+
+    /// What it is called in messages.
+    fn names(self) -> Vec<&'static str> {
         match self {
-            Self::Bool => "bool",
-            Self::Flag => "[bool, long, int, decimal, double]",
-            Self::Number => "[long, int, decimal, double]",
-            Self::Text | Self::OneOf(_) => "string",
-            Self::TextOrNumber => "[string, long]",
-            Self::Object | Self::Of(..) | Self::With(_) => "object",
-            Self::ObjectOrFlag => "[object, bool]",
-            Self::Array => "array",
+            Self::Any => vec!["any"],
+            Self::Bool | Self::Strict => vec!["bool"],
+            Self::Flag => vec!["bool", "long", "int", "decimal", "double"],
+            Self::Number | Self::Within(..) => vec!["long", "int", "decimal", "double"],
+            Self::Text | Self::OneOf(_) => vec!["string"],
+            Self::Object | Self::Of(..) => vec!["object"],
+            Self::Objects => vec!["array"],
+            Self::Either(one, other) => [one.names(), other.names()].concat(),
+            Self::Given(inner) => inner.names(),
         }
     }
+}
+
+fn check_range(place: &str, number: i64, (least, end): (i64, i64)) -> Result<(), Failure> {
+    let name = place.rsplit('.').next().unwrap_or(place);
+    let limit = match number {
+        _ if number < least => format!(">= {least}"),
+        _ if number >= end => format!("< {end}"),
+        _ => return Ok(()),
+    };
+    Err(Failure::new(OUT_OF_RANGE, format!("BSON field '{name}' value must be {limit}, actual value '{number}'")))
 }
 
 #[cfg(test)]
@@ -122,8 +178,11 @@ mod tests {
     const OPTIONS: Options = &[
         ("flag", Type::Flag),
         ("level", Type::OneOf(&["off", "on"])),
-        ("images", Type::Of(Some("enabled"), &[("enabled", Type::Bool)])),
-        ("series", Type::With("field")),
+        ("images", Type::Of(&["enabled"], &[("enabled", Type::Bool)])),
+        ("stages", Type::Objects),
+        ("strict", Type::Strict),
+        ("size", Type::Within(1, 1 << 31)),
+        ("either", Type::Given(&Type::Either(&Type::Text, &Type::Of(&["field"], &[("field", Type::Any)])))),
     ];
 
     #[test]
@@ -139,7 +198,17 @@ mod tests {
             (doc! { "c": 1, "images": { "enabled": Bson::Null } }, codes::MISSING_FIELD),
             (doc! { "c": 1, "images": { "enabled": 1 } }, codes::TYPE_MISMATCH),
             (doc! { "c": 1, "images": { "enabled": true, "x": 1 } }, codes::UNKNOWN_FIELD),
-            (doc! { "c": 1, "series": { "x": 1 } }, codes::MISSING_FIELD),
+            (doc! { "c": 1, "stages": [{}], "strict": false, "size": 1.5, "either": { "field": 1 } }, 0),
+            (doc! { "c": 1, "stages": Bson::Null }, NO_ARRAY),
+            (doc! { "c": 1, "stages": [{}, 1] }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "strict": Bson::Null }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "strict": 1 }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "size": 0.5 }, OUT_OF_RANGE),
+            (doc! { "c": 1, "size": 1_i64 << 31 }, OUT_OF_RANGE),
+            (doc! { "c": 1, "size": "x" }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "either": Bson::Null }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "either": 1 }, codes::TYPE_MISMATCH),
+            (doc! { "c": 1, "either": {} }, codes::MISSING_FIELD),
             (doc! { "c": 1, "x": 1 }, codes::UNKNOWN_FIELD),
         ] {
             assert_eq!(code(body.clone()), expected, "{body}");

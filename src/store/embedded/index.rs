@@ -13,13 +13,13 @@ use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{OptionalExtension as _, params};
 
 use super::catalog::Collection;
-use super::indexed::{AllEntries, Defined, HIDDEN, Indexed, Indexes, PARTIAL, decay, of_ids};
+use super::indexed::{AllEntries, Defined, Indexed, Indexes, PARTIAL, decay, of_ids};
 use super::keys::seal;
 use super::scan::check_ending;
 use super::{Embedded, body};
 use crate::query::index::{Entries, Pattern};
 use crate::query::{Collation, Filter, QueryError, text};
-use crate::store::{Index, Modifiers, Namespace, StoreError, TakenKey, index, metadata};
+use crate::store::{Index, IndexChange, Modifiers, Namespace, StoreError, TakenKey, index, metadata};
 
 /// MongoDB's code for an index that is there with other options.
 const OPTIONS_CONFLICT: i32 = 85;
@@ -27,7 +27,7 @@ const OPTIONS_CONFLICT: i32 = 85;
 const KEYS_CONFLICT: i32 = 86;
 /// Options of geospatial indexes, and those that every index may have.
 const OPTIONS: [&str; 8] =
-    ["2dsphereIndexVersion", "bits", "min", "max", "wildcardProjection", PARTIAL, HIDDEN, index::COLLATION];
+    ["2dsphereIndexVersion", "bits", "min", "max", "wildcardProjection", PARTIAL, index::HIDDEN, index::COLLATION];
 /// MongoDB's code for an index that cannot be made.
 const CANNOT_CREATE: i32 = 67;
 /// MongoDB's code for an index that has to stay, or cannot be.
@@ -336,17 +336,16 @@ impl Embedded {
         })
     }
 
-    /// Keeps an index from queries, or gives it back to them; returns whether it is there.
-    pub(super) fn set_hidden(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
-        check_hidable(name)?;
+    /// Changes an index, whose keys stay as they are; returns whether it is there.
+    pub(super) fn change_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError> {
+        check_modifiable(name, change)?;
         self.write(|| {
             let Some(collection) = self.collection(ns)? else { return Ok(false) };
             let indexes = self.indexes_of(collection)?;
             let Some(index) = indexes.iter().find(|index| index.definition.name == name) else { return Ok(false) };
-            let mut definition = index.definition.clone();
-            match hidden {
-                true => drop(definition.other.insert(HIDDEN, true)),
-                false => drop(definition.other.remove(HIDDEN)),
+            let definition = index.definition.clone().changed(change);
+            if change.expire_after.is_some() {
+                check(&definition)?;
             }
             let definition = RawDocumentBuf::try_from(&definition.definition()).map_err(QueryError::from)?;
             self.connection
@@ -441,7 +440,7 @@ fn stored(index: &Index) -> Result<Index, QueryError> {
 
 /// Refuses a partial filter that MongoDB refuses, and `hidden` that is neither true nor false.
 fn check_partial(index: &Index) -> Result<(), QueryError> {
-    if index.other.get(HIDDEN).is_some_and(|hidden| hidden.as_bool().is_none()) {
+    if index.other.get(index::HIDDEN).is_some_and(|hidden| hidden.as_bool().is_none()) {
         return Err(QueryError::type_mismatch("`hidden` of an index is true or false"));
     }
     let Some(partial) = index.other.get(PARTIAL) else { return Ok(()) };
@@ -507,10 +506,11 @@ fn check_droppable(name: &str) -> Result<(), QueryError> {
     Ok(())
 }
 
-/// Refuses to hide what has to be used.
-fn check_hidable(name: &str) -> Result<(), QueryError> {
+/// Refuses to hide what has to be used, or to have documents removed by it.
+fn check_modifiable(name: &str, change: IndexChange) -> Result<(), QueryError> {
     match name {
-        index::ID => Err(QueryError::bad_value("the index on _id cannot be hidden")),
+        index::ID if change.hidden.is_some() => Err(QueryError::bad_value("the index on _id cannot be hidden")),
+        index::ID => Err(QueryError::invalid(INVALID, "no document expires by the index on _id")),
         index::DECAY => Err(QueryError::invalid(INVALID, format!("{name} is rmem's: by it what has decayed is found"))),
         _ => Ok(()),
     }

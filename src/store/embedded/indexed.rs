@@ -31,8 +31,6 @@ pub(super) struct Indexed {
 
 /// The option of an index that holds only documents which match a filter.
 pub(super) const PARTIAL: &str = "partialFilterExpression";
-/// The option of an index that queries do not use.
-pub(super) const HIDDEN: &str = "hidden";
 
 /// How a collection is defined: its indexes, but for that on `_id`, and which documents it takes.
 #[derive(Debug)]
@@ -121,7 +119,7 @@ impl Indexed {
 
     /// Whether it is hidden from queries.
     pub(super) fn is_hidden(&self) -> bool {
-        self.definition.other.get(HIDDEN) == Some(&bson::Bson::Boolean(true))
+        self.definition.is_hidden()
     }
 
     /// The paths that run through an array in some document, as bits.

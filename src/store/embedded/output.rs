@@ -148,11 +148,11 @@ impl Embedded {
         let update = match &merge.when_matched {
             WhenMatched::KeepExisting => return Ok(false),
             WhenMatched::Fail => {
-                return Err(StoreError::Duplicate {
-                    namespace: ns.clone(),
-                    key: TakenKey::on(values),
-                    stored: Vec::new(),
-                });
+                let key = match target.index {
+                    Some(index) => TakenKey::of_index(&index.definition.name, values),
+                    None => TakenKey::on(values),
+                };
+                return Err(StoreError::Duplicate { namespace: ns.clone(), key, stored: Vec::new() });
             }
             WhenMatched::Replace => Update::parse(&result, &[])?,
             WhenMatched::Merge => Update::parse(&bson::doc! { "$set": result }, &[])?,

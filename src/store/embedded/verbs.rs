@@ -16,9 +16,9 @@ use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::validation::Bypassing;
 use crate::store::{
-    Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, Inserted, Kept,
-    Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated, Validated,
-    Validation, Values, Warn,
+    Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, IndexChange,
+    Inserted, Kept, Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated,
+    Validated, Validation, Values, Warn,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -111,8 +111,8 @@ impl Store for Embedded {
         self.discard(ns, name)
     }
 
-    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
-        self.set_hidden(ns, name, hidden)
+    fn modify_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError> {
+        self.change_index(ns, name, change)
     }
 
     fn indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {

@@ -7,7 +7,7 @@ use mongodb::error::{Error, ErrorKind};
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
-use crate::store::{Index, Namespace, StoreError, index, metadata};
+use crate::store::{Index, IndexChange, Namespace, StoreError, index, metadata};
 
 /// The server's codes for a collection, and for an index, that is not there.
 const NAMESPACE_NOT_FOUND: i32 = 26;
@@ -55,8 +55,10 @@ impl MongoDb {
         }
     }
 
-    pub(super) fn set_hidden(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
-        let index = doc! { "name": name, "hidden": hidden };
+    pub(super) fn change_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError> {
+        let mut index = doc! { "name": name };
+        index.extend(change.hidden.map(|hidden| ("hidden".to_owned(), hidden.into())));
+        index.extend(change.expire_after.map(|seconds| ("expireAfterSeconds".to_owned(), seconds.into())));
         let command = doc! { "collMod": &ns.collection, "index": index, "writeConcern": { "w": "majority" } };
         match self.client().database(&ns.database).run_command(command).run() {
             Ok(_) => Ok(true),

@@ -18,8 +18,8 @@ use crate::store::metadata;
 use crate::store::namespace::is_internal;
 use crate::store::validation::Bypassing;
 use crate::store::{
-    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, Inserted, Name, Namespace, Put, Query,
-    Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
+    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, IndexChange, Inserted, Name, Namespace,
+    Put, Query, Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
 };
 
 /// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
@@ -185,8 +185,8 @@ impl Store for MongoDb {
         self.make_index(ns, index)
     }
 
-    fn hide_index(&self, ns: &Namespace, name: &str, hidden: bool) -> Result<bool, StoreError> {
-        self.set_hidden(ns, name, hidden)
+    fn modify_index(&self, ns: &Namespace, name: &str, change: IndexChange) -> Result<bool, StoreError> {
+        self.change_index(ns, name, change)
     }
 
     fn drop_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {

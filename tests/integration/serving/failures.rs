@@ -117,6 +117,57 @@ fn outcome(wire: &mut Wire, command: &Document) -> Result<Document, Failed> {
     Ok(outcome)
 }
 
+/// Commands that are refused in the same words.
+fn explained() -> Vec<Document> {
+    let change = |collection: &str, query: Document, update: Document| {
+        doc! { "findAndModify": collection, "query": query, "update": update }
+    };
+    let set = |fields: Document| doc! { "$set": fields };
+    let pipeline = |stages: Vec<Document>| doc! { "aggregate": "c", "pipeline": stages, "cursor": {} };
+    let merge = |fields: Document, options: Document| {
+        pipeline(vec![set(fields), doc! { "$merge": with(doc! { "into": "t" }, options) }])
+    };
+    let by_zero = || doc! { "$expr": { "$divide": ["$n", 0] } };
+    vec![
+        change("t", doc! { "_id": 2 }, set(doc! { "u": 1 })),
+        with(change("t", doc! { "_id": 9, "u": 1 }, set(doc! { "n": 1 })), doc! { "upsert": true }),
+        change("v", doc! { "_id": 1 }, set(doc! { "n": -1 })),
+        with(change("v", doc! { "_id": 2 }, set(doc! { "n": -1 })), doc! { "upsert": true }),
+        change("c", by_zero(), set(doc! { "n": 1 })),
+        doc! { "findAndModify": "c", "query": by_zero(), "remove": true },
+        doc! { "findAndModify": "c", "update": [set(doc! { "n": { "$divide": [1, "$n"] } })] },
+        // These, before a document is looked for.
+        doc! { "findAndModify": "c", "query": { "n": { "$unknown": 1 } }, "remove": true },
+        doc! { "findAndModify": "c", "query": {} },
+        with(change("c", doc! {}, set(doc! { "n": 1 })), doc! { "remove": true }),
+        pipeline(vec![set(doc! { "n": -1 }), doc! { "$out": "v" }]),
+        pipeline(vec![set(doc! { "n": -1 }), doc! { "$merge": "v" }]),
+        pipeline(vec![set(doc! { "n": { "$divide": [1, "$n"] } }), doc! { "$out": "x" }]),
+        merge(doc! {}, doc! { "whenMatched": "fail" }),
+        merge(doc! { "_id": 7, "u": 1 }, doc! { "whenMatched": "fail" }),
+        merge(doc! { "_id": 7, "u": 1 }, doc! {}),
+        merge(doc! { "u": 1 }, doc! { "on": "u", "whenMatched": "fail" }),
+    ]
+}
+
+/// Why a command is refused.
+fn explanation(wire: &mut Wire, command: &Document) -> Result<Document, Failed> {
+    let mut run = |command: Document| wire.run(&with(command, doc! { "$db": "failures" }));
+    for (name, documents) in [
+        ("c", vec![doc! { "_id": 0, "n": 0 }, doc! { "_id": 2, "n": 0 }]),
+        ("t", vec![doc! { "_id": 2, "u": 2 }, doc! { "_id": 3, "u": 1 }]),
+        ("v", vec![doc! { "_id": 1, "n": 1 }]),
+    ] {
+        run(doc! { "drop": name })?;
+        run(doc! { "insert": name, "documents": documents })?;
+    }
+    run(doc! { "createIndexes": "t", "indexes": [{ "key": { "u": 1 }, "name": "u", "unique": true }] })?;
+    run(doc! { "collMod": "v", "validator": { "n": { "$gt": 0 } } })?;
+    let answer = run(command.clone())?;
+    let said = |name: &str| Some((name.to_owned(), answer.get(name)?.clone()));
+    Ok(["code", "codeName", "errmsg"].into_iter().filter_map(said).collect())
+}
+
 fn beside(mongod: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let served = Served::start(folder.path(), &[])?;
@@ -124,6 +175,11 @@ fn beside(mongod: &str) -> Result<(), Failed> {
     let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
     for command in commands().into_iter().chain(refused()) {
         assert_eq!(outcome(&mut own, &command)?, outcome(&mut real, &command)?, "{command}");
+    }
+    for command in explained() {
+        let (real, own) = (explanation(&mut real, &command)?, explanation(&mut own, &command)?);
+        assert!(real.contains_key("errmsg"), "{command} is not refused");
+        assert_eq!(own, real, "{command}");
     }
     // Of a database that is not there, nothing is dropped.
     let drop = doc! { "dropDatabase": 1, "writeConcern": { "w": 5, "wtimeout": 100 }, "$db": "failures" };

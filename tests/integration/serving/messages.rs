@@ -228,7 +228,7 @@ fn checked() -> Result<(), Failed> {
         (doc! { "name": "_id_", "hidden": true }, 2),
         (doc! { "name": "a_1" }, 72),
         (doc! { "name": "a_1", "keyPattern": { "a": 1 }, "hidden": true }, 72),
-        (doc! { "name": "a_1", "expireAfterSeconds": 5 }, 115),
+        (doc! { "name": "a_1", "prepareUnique": true }, 115),
     ] {
         assert_eq!(wire.run(&modify(index.clone()))?.get_i32("code").unwrap_or(0), code, "{index}");
     }

@@ -1,6 +1,7 @@
 //! `rmem serve`: MongoDB clients on the memory.
 
 mod arguments;
+mod changed_indexes;
 mod clients;
 mod elections;
 pub(crate) mod executive;
@@ -41,8 +42,8 @@ type Case = fn() -> Result<(), Failed>;
 type Beside = fn(&str) -> Result<(), Failed>;
 
 /// All of that.
-pub(crate) const BESIDE: [&[(&str, Beside)]; 5] =
-    [arguments::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE, validators::BESIDE];
+pub(crate) const BESIDE: [&[(&str, Beside)]; 6] =
+    [arguments::BESIDE, changed_indexes::BESIDE, failures::BESIDE, keys::BESIDE, retries::BESIDE, validators::BESIDE];
 
 /// All of them; none needs another program.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -51,6 +52,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let cases = cases
         .into_iter()
         .chain([
+            changed_indexes::CASES,
             keys::CASES,
             operations::CASES,
             retries::CASES,
