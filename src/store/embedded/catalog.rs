@@ -120,4 +120,9 @@ impl Collection {
     pub(super) fn table(self) -> String {
         format!("documents_{}", self.id)
     }
+
+    /// SQLite's own index of the keys in this table, which are those of the `_id`s.
+    pub(super) fn index_of_ids(self) -> String {
+        format!("sqlite_autoindex_documents_{}_1", self.id)
+    }
 }

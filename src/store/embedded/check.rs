@@ -153,7 +153,7 @@ impl Embedded {
 }
 
 /// SQLite's own check of its pages, trees and constraints: of a table, or of all with so many findings.
-fn integrity(connection: &Connection, of: &str, report: &mut dyn FnMut(&str)) -> rusqlite::Result<()> {
+pub(super) fn integrity(connection: &Connection, of: &str, report: &mut dyn FnMut(&str)) -> rusqlite::Result<()> {
     let mut statement = connection.prepare(&format!("PRAGMA integrity_check({of})"))?;
     let mut rows = statement.query([])?;
     while let Some(row) = rows.next()? {

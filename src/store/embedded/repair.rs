@@ -2,7 +2,12 @@
 //!
 //! In place, all indexes are made anew from the documents. Into a new file, every document that
 //! can be read is copied, with the indexes and validators, the names of watches and the log of changes.
+//!
+//! A changed bit can make a page of documents look shorter than it is, and nothing in it tells. But the index of `_id`s, which
+//! SQLite keeps, names every document: what it names and is not there is lost, or keeps an index from being made anew.
 
+use std::collections::HashSet;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use rusqlite::{Connection, OptionalExtension as _, params};
@@ -12,7 +17,7 @@ use super::damage::Damage;
 use super::new_file::NewFile;
 use super::page::PageError;
 use super::place::Place;
-use super::{Embedded, body, change_log, failure, file, history, validation};
+use super::{Embedded, body, change_log, check, failure, file, history, validation};
 use crate::query::QueryError;
 use crate::store::{Index, Namespace, Store as _, StoreError, document, index};
 
@@ -42,6 +47,7 @@ impl Embedded {
             let mut done = Repaired::default();
             for ns in Collection::all(&self.connection).map_err(|e| self.explain(&e))? {
                 let Some(collection) = self.collection(&ns)? else { continue };
+                self.check_named(&ns, collection)?;
                 let reindex = format!("REINDEX {}", collection.table());
                 self.connection.execute_batch(&reindex).map_err(|e| self.explain(&e))?;
                 done.collections += 1;
@@ -50,7 +56,42 @@ impl Embedded {
                 done.indexes += self.refill_indexes(&ns, collection)?;
             }
             self.check_changes()?;
+            self.check_pages()?;
             Ok(done)
+        })
+    }
+
+    /// Refuses a collection that has not all documents that its index of `_id`s names: made anew, that would not name them
+    /// either. One that cannot be read is what is to be repaired.
+    fn check_named(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+        let (table, index) = (collection.table(), collection.index_of_ids());
+        let sql = format!(
+            "SELECT count(*) FROM {table} AS named INDEXED BY {index} WHERE NOT EXISTS \
+             (SELECT 1 FROM {table} AS stored NOT INDEXED WHERE stored.position = named.position)"
+        );
+        match self.connection.query_row(&sql, [], |row| row.get::<_, i64>(0)) {
+            Ok(0) => Ok(()),
+            Ok(absent) => Err(self.fail(&format!(
+                "{ns}: {absent} of the documents that the index of _ids names are not there; copy what can be read into \
+                 a new file with `rmem repair -o FILE`"
+            ))),
+            Err(error) if failure::is_damage(&error) => Ok(()),
+            Err(error) => Err(self.explain(&error)),
+        }
+    }
+
+    /// Refuses a file in which SQLite finds more damage than that of indexes, which are made anew.
+    fn check_pages(&self) -> Result<(), StoreError> {
+        let mut damaged = None;
+        let checked = check::integrity(&self.connection, "1", &mut |finding| {
+            damaged.get_or_insert(finding.to_owned());
+        });
+        let damaged = damaged.or_else(|| checked.err().map(|error| self.explain(&error).to_string()));
+        damaged.map_or(Ok(()), |damage| {
+            Err(self.fail(&format!(
+                "more than its indexes is damaged: {damage}; copy what can be read into a new file with \
+                 `rmem repair -o FILE`"
+            )))
         })
     }
 
@@ -151,29 +192,7 @@ impl Embedded {
         done: &mut Repaired,
     ) -> Result<(), StoreError> {
         let collection = self.ensure(ns)?;
-        let from = Collection { id, generation: 0 };
-        let mut position = i64::MIN;
-        loop {
-            match next(source, from, position) {
-                Ok(None) => break,
-                Ok(Some((found, stored))) => {
-                    position = found;
-                    match self.salvage_document(ns, collection, &stored)? {
-                        None => done.documents += 1,
-                        Some(lost) => done.lost.push(lost),
-                    }
-                }
-                Err(_) => {
-                    let Some(behind) = behind_damage(source, from, position) else {
-                        done.lost.push(format!("{ns}: the documents behind position {}", position.max(0)));
-                        break;
-                    };
-                    let from = position.saturating_add(1).max(1);
-                    done.lost.push(format!("{ns}: the documents at positions {from} to {behind}"));
-                    position = behind;
-                }
-            }
-        }
+        self.salvage_documents(source, Collection { id, generation: 0 }, (ns, collection), done)?;
         for definition in definitions(source, id) {
             let Some(index) = definition else {
                 done.lost.push(format!("{ns}: an index: a definition cannot be read"));
@@ -201,6 +220,67 @@ impl Embedded {
                 Ok(())
             }
         }
+    }
+
+    /// Copies the documents in the order in which they are in their table, past what cannot be read; then those that the index of
+    /// `_id`s names beside them. What it names and is not there is lost.
+    fn salvage_documents(
+        &self,
+        source: &Connection,
+        from: Collection,
+        (ns, collection): (&Namespace, Collection),
+        done: &mut Repaired,
+    ) -> Result<(), StoreError> {
+        let mut salvage = |stored: &[u8]| -> Result<(), StoreError> {
+            match self.salvage_document(ns, collection, stored)? {
+                None => done.documents += 1,
+                Some(lost) => done.lost.push(lost),
+            }
+            Ok(())
+        };
+        // The positions that were read: a damaged tree of pages may lead to one twice, and in any order.
+        let mut read: HashSet<i64> = HashSet::new();
+        let mut unread: Vec<RangeInclusive<i64>> = Vec::new();
+        let mut position = i64::MIN;
+        loop {
+            let ended = walk(source, from, position, &mut |found, stored| {
+                position = position.max(found);
+                if read.insert(found) { salvage(stored) } else { Ok(()) }
+            })?;
+            if ended {
+                break;
+            }
+            let behind = behind_damage(source, from, position);
+            unread.push(position.saturating_add(1).max(1)..=behind.unwrap_or(i64::MAX));
+            match behind {
+                Some(behind) => position = behind,
+                None => break,
+            }
+        }
+        let mut absent: Vec<i64> = Vec::new();
+        let named = named(source, from, &mut |position, look| {
+            if read.insert(position) {
+                match look() {
+                    Some(stored) => salvage(&stored)?,
+                    None => absent.push(position),
+                }
+            }
+            Ok(())
+        })?;
+        let lost = |places: &RangeInclusive<i64>| match (*places.start(), *places.end()) {
+            (first, i64::MAX) => format!("{ns}: the documents behind position {}", first - 1),
+            (first, last) if first == last => format!("{ns}: the document at position {first}"),
+            (first, last) => format!("{ns}: the documents at positions {first} to {last}"),
+        };
+        absent.sort_unstable();
+        let absent = absent.chunk_by(|one, next| one + 1 == *next);
+        let absent = absent.filter_map(|places| Some(*places.first()?..=*places.last()?));
+        done.lost.extend(absent.map(|places| lost(&places)));
+        if let Some(reason) = named {
+            done.lost.extend(unread.iter().map(lost));
+            done.lost.push(format!("{ns}: more documents, perhaps: the index of _ids, which names all, {reason}"));
+        }
+        Ok(())
     }
 
     /// Makes an index as it is defined. That on `_id` is the first one, and says what collation the collection has.
@@ -269,6 +349,59 @@ fn collections(source: &Connection) -> rusqlite::Result<Vec<(i64, Namespace)>> {
     let rows = statement
         .query_map([], |row| Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? })))?;
     rows.collect()
+}
+
+/// Reads the documents of a table behind a position, as the tree of its pages leads to them. Returns whether it came to the end:
+/// where something cannot be read, it stops.
+fn walk(
+    source: &Connection,
+    collection: Collection,
+    position: i64,
+    each: &mut dyn FnMut(i64, &[u8]) -> Result<(), StoreError>,
+) -> Result<bool, StoreError> {
+    let sql = format!("SELECT position, body FROM {} NOT INDEXED WHERE position > ?", collection.table());
+    let Ok(mut statement) = source.prepare(&sql) else { return Ok(false) };
+    let Ok(mut rows) = statement.query([position]) else { return Ok(false) };
+    loop {
+        let row = match rows.next() {
+            Ok(None) => return Ok(true),
+            Ok(Some(row)) => row,
+            Err(_) => return Ok(false),
+        };
+        match (row.get(0), row.get_ref(1).map(|body| body.as_blob())) {
+            (Ok(position), Ok(Ok(body))) => each(position, body)?,
+            _ => return Ok(false),
+        }
+    }
+}
+
+/// Reads the positions that the index of `_id`s names; each can be asked for the document that is there under that `_id`. Returns
+/// why it cannot be read to its end, where that is so.
+fn named(
+    source: &Connection,
+    collection: Collection,
+    each: &mut dyn FnMut(i64, &mut dyn FnMut() -> Option<Vec<u8>>) -> Result<(), StoreError>,
+) -> Result<Option<String>, StoreError> {
+    let (table, index) = (collection.table(), collection.index_of_ids());
+    let names = format!("SELECT key, position FROM {table} INDEXED BY {index} ORDER BY key");
+    let body = format!("SELECT body FROM {table} NOT INDEXED WHERE position = ?");
+    let mut read = || -> rusqlite::Result<Result<(), StoreError>> {
+        let (mut names, mut body) = (source.prepare(&names)?, source.prepare(&body)?);
+        let mut rows = names.query([])?;
+        while let Some(row) = rows.next()? {
+            let (key, position): (Vec<u8>, i64) = (row.get(0)?, row.get(1)?);
+            let is_named = |stored: &Vec<u8>| body::open(stored).is_ok_and(|document| body::has_key(document, &key));
+            let mut look = || body.query_row([position], |row| row.get(0)).ok().filter(is_named);
+            if let Err(error) = each(position, &mut look) {
+                return Ok(Err(error));
+            }
+        }
+        Ok(Ok(()))
+    };
+    match read() {
+        Ok(done) => done.map(|()| None),
+        Err(error) => Ok(Some(format!("cannot be read: {error}"))),
+    }
 }
 
 /// The next document behind a position.
@@ -371,21 +504,69 @@ mod tests {
     use crate::store::Find;
     use bson::doc;
 
-    /// A file of which one page of documents was overwritten with an earlier one.
-    fn with_a_page_twice(path: &Path) -> Namespace {
+    /// How many documents the files of these tests have.
+    const COUNT: u64 = 600;
+
+    /// A file of which the bytes were changed: with the places of its pages of documents, and how many bytes each has.
+    fn changed(path: &Path, change: impl Fn(&mut Vec<u8>, &[usize], usize)) -> Namespace {
         let ns = Namespace::parse("a.b").unwrap();
         let store = Embedded::open(path).unwrap();
         let text = "x".repeat(100);
-        store.insert(&ns, (0..600).map(|id| doc! { "_id": id, "text": &text }).collect()).unwrap();
+        store.insert(&ns, (0..COUNT).map(|id| doc! { "_id": id as i64, "text": &text }).collect()).unwrap();
         let page = store.connection.query_row("PRAGMA page_size", [], |row| row.get::<_, u32>(0)).unwrap() as usize;
         drop(store);
         let mut bytes = std::fs::read(path).unwrap();
         let has_documents = |nth: &usize| String::from_utf8_lossy(&bytes[nth * page..][..page]).contains(&text);
         let pages: Vec<usize> = (1..bytes.len() / page).filter(has_documents).collect();
-        let (first, last) = (pages[1], pages[pages.len() - 2]);
-        bytes.copy_within(first * page..(first + 1) * page, last * page);
+        change(&mut bytes, &pages, page);
         std::fs::write(path, bytes).unwrap();
         ns
+    }
+
+    /// A file of which one page of documents was overwritten with an earlier one.
+    fn with_a_page_twice(path: &Path) -> Namespace {
+        changed(path, |bytes, pages, size| {
+            let (first, last) = (pages[1], pages[pages.len() - 2]);
+            bytes.copy_within(first * size..(first + 1) * size, last * size);
+        })
+    }
+
+    #[test]
+    fn a_page_that_hides_documents_is_not_made_good_by_forgetting_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        // The number of its documents is in the fourth and fifth byte of a page.
+        changed(&path, |bytes, pages, size| {
+            let count = &mut bytes[pages[3] * size + 4];
+            assert!(*count > 8, "{count}");
+            *count -= 4;
+        });
+        let before = std::fs::read(&path).unwrap();
+        let store = Embedded::open(&path).unwrap();
+        let refused = store.rebuild_indexes().unwrap_err().to_string();
+        assert!(refused.contains("a.b: 4 of the documents that the index of _ids names are not there"), "{refused}");
+        drop(store);
+        assert!(std::fs::read(&path).unwrap() == before, "the file is as it was");
+        let repaired = Embedded::salvage(&path, &folder.path().join("saved.rmem")).unwrap();
+        assert_eq!(repaired.documents, COUNT - 4);
+        let [lost] = repaired.lost.as_slice() else { panic!("{repaired:?}") };
+        assert!(lost.starts_with("a.b: the documents at positions "), "{lost}");
+    }
+
+    #[test]
+    fn documents_on_pages_that_have_changed_places_are_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.rmem");
+        let ns = changed(&path, |bytes, pages, size| {
+            let (one, other) = (pages[2] * size, pages[9] * size);
+            (0..size).for_each(|place| bytes.swap(one + place, other + place));
+        });
+        assert!(Embedded::open(&path).unwrap().rebuild_indexes().is_err());
+        let saved = folder.path().join("saved.rmem");
+        let repaired = Embedded::salvage(&path, &saved).unwrap();
+        assert_eq!((repaired.documents, repaired.lost.as_slice()), (COUNT, [].as_slice()));
+        let saved = Embedded::open(&saved).unwrap();
+        assert_eq!(saved.find(&ns, &Find::default()).unwrap().count() as u64, COUNT);
     }
 
     #[test]
