@@ -85,6 +85,26 @@ pub(super) fn equal_values(a: &Bson, b: &Bson) -> bool {
     compare_values(a, b) == Ordering::Equal
 }
 
+/// A value whose fields are sorted by name: schemas take no notice of their order.
+pub(super) fn settled(value: Bson) -> Bson {
+    match value {
+        Bson::Document(fields) => {
+            let mut fields: Vec<(String, Bson)> =
+                fields.into_iter().map(|(name, value)| (name, settled(value))).collect();
+            fields.sort_by(|(one, _), (other, _)| one.cmp(other));
+            Bson::Document(fields.into_iter().collect())
+        }
+        Bson::Array(items) => Bson::Array(items.into_iter().map(settled).collect()),
+        other => other,
+    }
+}
+
+/// Whether two of the items are equal.
+pub(super) fn has_equal<T: Copy>(mut items: Vec<T>, compare: impl Fn(T, T) -> Ordering) -> bool {
+    items.sort_by(|one, other| compare(*one, *other));
+    items.windows(2).any(|pair| matches!(pair, [one, other] if compare(*one, *other).is_eq()))
+}
+
 /// Field by field: type, then name, then value.
 fn documents(a: Fields<'_>, b: Fields<'_>) -> Ordering {
     let (mut a, mut b) = (a.iter(), b.iter());

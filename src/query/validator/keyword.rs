@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
-use crate::query::compare::equal_values;
+use crate::query::compare::{compare_values, settled};
 use crate::query::filter::Filter;
 use crate::query::type_name;
 
@@ -89,9 +89,7 @@ pub(super) fn plain(keyword: &str, schema: &Document, value: &Bson) -> Document 
             details.insert("numberOfItems", number(items.len()));
         }
         ("uniqueItems", Bson::Array(items)) => {
-            let is_repeated =
-                |(index, item): &(usize, &Bson)| items.iter().take(*index).any(|other| equal_values(other, item));
-            if let Some((_, item)) = items.iter().enumerate().find(is_repeated) {
+            if let Some(item) = repeated(items) {
                 details.insert("duplicatedValue", item.clone());
             }
         }
@@ -101,6 +99,17 @@ pub(super) fn plain(keyword: &str, schema: &Document, value: &Bson) -> Document 
         _ => {}
     }
     details
+}
+
+/// The first item that is equal to one before it.
+fn repeated(items: &[Bson]) -> Option<&Bson> {
+    let mut numbered: Vec<(Bson, usize)> = items.iter().cloned().map(settled).zip(0..).collect();
+    numbered.sort_by(|(one, first), (other, second)| compare_values(one, other).then(first.cmp(second)));
+    let repeated = numbered.windows(2).filter_map(|pair| match pair {
+        [(one, _), (other, place)] if compare_values(one, other).is_eq() => Some(*place),
+        _ => None,
+    });
+    items.get(repeated.min()?)
 }
 
 pub(super) fn number(count: usize) -> i32 {

@@ -187,6 +187,17 @@ mod tests {
     }
 
     #[test]
+    fn values_of_a_schema_have_their_fields_in_any_order() {
+        let schema = doc! { "properties": { "a": { "enum": [{ "x": 1, "y": [{ "z": 1, "w": 2 }] }] } } };
+        let validator = Validator::parse(&doc! { "$jsonSchema": schema }).unwrap();
+        let passes = |document: Document| {
+            validator.passes(&RawDocumentBuf::try_from(&document).unwrap(), DateTime::now()).unwrap()
+        };
+        assert!(passes(doc! { "a": { "y": [{ "w": 2, "z": 1 }], "x": 1 } }));
+        assert!(!passes(doc! { "a": { "y": [{ "w": 2, "z": 2 }], "x": 1 } }));
+    }
+
+    #[test]
     fn the_present_is_that_of_the_write() {
         let validator = Validator::parse(&doc! { "$expr": { "$lt": ["$a", "$$NOW"] } }).unwrap();
         let document = RawDocumentBuf::try_from(&doc! { "a": DateTime::from_millis(5) }).unwrap();

@@ -117,6 +117,9 @@ fn validators() -> Vec<Document> {
         doc! { "$expr": { "$function": { "body": "x", "args": [], "lang": "js" } } },
         doc! { "$expr": { "$rand": {} } },
         doc! { "$sampleRate": 0.5 },
+        doc! { "$jsonSchema": { "properties": { "a": { "enum": [{ "x": 1, "y": 2 }, { "y": 2, "x": 1 }] } } } },
+        doc! { "$jsonSchema": { "enum": [1, 2.5, 1_i64] } },
+        doc! { "$jsonSchema": { "required": ["a", "b", "a"] } },
         doc! { "$other": 1 },
         doc! { "n": { "$other": 1 } },
         doc! { "$jsonSchema": { "other": 1 } },
@@ -216,6 +219,18 @@ fn refusals() -> Vec<(Document, Vec<Document>)> {
             vec![doc! {}, doc! { "a": 1, "b": 1 }],
         ),
         (schema(doc! { "bsonType": "array" }), vec![doc! {}]),
+        // The order of fields does not matter.
+        (
+            schema(doc! { "properties": { "a": { "uniqueItems": true } } }),
+            vec![
+                doc! { "a": [{ "b": 1, "c": [{ "x": 1, "y": 2 }] }, { "d": 1 }, { "c": [{ "y": 2, "x": 1 }], "b": 1 }] },
+                doc! { "a": [3, "x", 2, 3.0, "x"] },
+            ],
+        ),
+        (
+            schema(doc! { "properties": { "a": { "enum": [{ "x": 1, "y": 2 }, [{ "x": 1, "y": 2 }]] } } }),
+            vec![doc! { "a": { "x": 1 } }, doc! { "a": [{ "y": 2 }] }],
+        ),
         // What has the type of no keyword beside it, and what no document can be.
         (
             schema(doc! { "properties": {

@@ -1,7 +1,9 @@
 //! Validates a value against a schema.
 
+use bson::Bson;
+
 use super::{Items, Others, Properties, Rule, Schema};
-use crate::query::compare::{equal, views};
+use crate::query::compare::{compare_values, equal, equal_values, has_equal, settled, views};
 use crate::query::decimal::Decimal;
 use crate::query::number::Number;
 use crate::query::view::{Fields, View};
@@ -17,6 +19,10 @@ impl Rule {
     fn accepts(&self, value: View<'_>) -> bool {
         match (self, value) {
             (Self::Type(types), value) => types.contains(value),
+            (Self::Enum(values), View::Document(_) | View::Array(_)) => {
+                let value = settled(value.to_bson());
+                values.iter().any(|known| equal_values(known, &value))
+            }
             (Self::Enum(values), value) => values.iter().any(|known| equal(known.into(), value)),
             (Self::AllOf(schemas), value) => schemas.iter().all(|schema| schema.accepts(value)),
             (Self::AnyOf(schemas), value) => schemas.iter().any(|schema| schema.accepts(value)),
@@ -56,9 +62,14 @@ impl Rule {
             (Self::MinItems(least), View::Array(items)) => items.len() >= *least,
             (Self::MaxItems(most), View::Array(items)) => items.len() <= *most,
             (Self::UniqueItems, View::Array(items)) => {
-                let mut items: Vec<View<'_>> = items.iter().collect();
-                items.sort_by(|a, b| views(*a, *b));
-                !items.windows(2).any(|pair| matches!(pair, [a, b] if equal(*a, *b)))
+                let items: Vec<View<'_>> = items.iter().collect();
+                match items.iter().any(|item| matches!(item, View::Document(_) | View::Array(_))) {
+                    true => {
+                        let items: Vec<Bson> = items.iter().map(|item| settled(item.to_bson())).collect();
+                        !has_equal(items.iter().collect(), compare_values)
+                    }
+                    false => !has_equal(items, views),
+                }
             }
             _ => true,
         }

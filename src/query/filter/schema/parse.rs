@@ -3,7 +3,7 @@
 use bson::{Bson, Document};
 
 use super::{Items, Others, Properties, Rule, Schema};
-use crate::query::compare::equal_values;
+use crate::query::compare::{compare_values, has_equal, settled};
 use crate::query::error::{QueryError, Result};
 use crate::query::filter::types::TypeSet;
 use crate::query::number::Number;
@@ -166,12 +166,11 @@ fn options(value: &Bson) -> Result<Vec<Bson>> {
     if items.is_empty() {
         return Err(invalid("$jsonSchema keyword 'enum' cannot be an empty array"));
     }
-    for (index, item) in items.iter().enumerate() {
-        if items.iter().take(index).any(|other| equal_values(other, item)) {
-            return Err(invalid("$jsonSchema keyword 'enum' cannot contain duplicate values"));
-        }
+    let items: Vec<Bson> = items.iter().cloned().map(settled).collect();
+    if has_equal(items.iter().collect(), compare_values) {
+        return Err(invalid("$jsonSchema keyword 'enum' cannot contain duplicate values"));
     }
-    Ok(items.clone())
+    Ok(items)
 }
 
 fn schemas(keyword: &str, value: &Bson, depth: usize) -> Result<Vec<Schema>> {
@@ -208,10 +207,10 @@ fn names(keyword: &str, value: &Bson) -> Result<Vec<String>> {
     let mut names: Vec<String> = Vec::with_capacity(items.len());
     for item in items {
         let Bson::String(name) = item else { return Err(wrong(keyword, "an array of strings")) };
-        if names.contains(name) {
-            return Err(invalid(format!("$jsonSchema keyword '{keyword}' cannot contain duplicate values")));
-        }
         names.push(name.clone());
+    }
+    if has_equal(names.iter().collect(), |one: &String, other: &String| one.cmp(other)) {
+        return Err(invalid(format!("$jsonSchema keyword '{keyword}' cannot contain duplicate values")));
     }
     Ok(names)
 }
