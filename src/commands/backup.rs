@@ -28,7 +28,11 @@ pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> Result<Exit> 
     let memory = context.memory()?;
     memory.backup(&args.file)?;
     let file = args.file.display().to_string();
-    context.print_report([], doc! { "memory": memory.describe(), "file": file })?;
-    context.output.note(&format!("copied {} to {}", memory.describe(), args.file.display()));
+    let copied = memory.describe_private();
+    context.print_report([], doc! { "memory": &copied, "file": file })?;
+    context.output.note(&format!("copied {copied} to {}", args.file.display()));
+    if let Some(shared) = memory.describe_shared() {
+        context.output.note(&format!("what is shared is not in the copy: {shared}"));
+    }
     Ok(Exit::Done)
 }

@@ -81,6 +81,18 @@ impl Memory {
         self.routes.describe()
     }
 
+    /// What the private store is; see [`Memory::describe`].
+    #[must_use]
+    pub fn describe_private(&self) -> String {
+        self.routes.describe_private()
+    }
+
+    /// Which databases are in a shared store beside it, and what that is, where there is one.
+    #[must_use]
+    pub fn describe_shared(&self) -> Option<String> {
+        self.routes.describe_shared()
+    }
+
     /// Stores documents; see [`Store::insert`].
     pub fn insert(&self, ns: &Namespace, mut documents: Vec<Document>) -> Result<Inserted, StoreError> {
         let (now, count) = (self.clock.now(), documents.len());

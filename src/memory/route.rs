@@ -387,17 +387,21 @@ impl Routes {
 
     /// What the stores are, without opening them.
     pub(super) fn describe(&self) -> String {
-        match &self.shared {
-            None => self.local.describe(),
-            Some(shared) => {
-                format!(
-                    "{}, shared {} at {}",
-                    self.local.describe(),
-                    self.shared_databases.join(", "),
-                    shared.describe()
-                )
-            }
+        match self.describe_shared() {
+            None => self.describe_private(),
+            Some(shared) => format!("{}, shared {shared}", self.describe_private()),
         }
+    }
+
+    /// What the private store is.
+    pub(super) fn describe_private(&self) -> String {
+        self.local.describe()
+    }
+
+    /// Which databases are in the shared store, and what that is, where there is another one.
+    pub(super) fn describe_shared(&self) -> Option<String> {
+        let shared = self.shared.as_ref()?;
+        Some(format!("{} at {}", self.shared_databases.join(", "), shared.describe()))
     }
 
     pub(super) fn is_shared(&self, ns: &Namespace) -> bool {

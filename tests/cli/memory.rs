@@ -277,6 +277,8 @@ fn what_is_of_this_robot_alone_needs_no_team() {
         let run = lab.rmem(arguments).exits(code);
         assert!(!run.stderr.contains("/proc/none"), "{arguments:?}: {run}");
     }
+    let copied = lab.rmem(&["backup", "copy.rmem"]).exits(0).stderr;
+    assert!(copied.contains("what is shared is not in the copy: team at file:/proc/none/team.rmem\n"), "{copied}");
     lab.rmem(&["insert", "own.a", "{_id: 3, _robmem_info: {decay_time: ISODate('2001-01-01')}}"]).success();
     let expired = lab.rmem(&["expire"]).exits(4);
     assert!(expired.stdout.contains("\"decayed\":1"), "{expired}");
