@@ -123,7 +123,7 @@ pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<E
         Some(ComputablesCommand::List(_)) | None => {}
     }
     let memory = context.memory()?;
-    let mut wrong = Vec::new();
+    let (mut wrong, mut all) = (Vec::new(), Ok(()));
     let rows: Vec<Document> = match args.check.as_slice() {
         [namespace, query] => {
             let namespace: Namespace = namespace.parse()?;
@@ -131,18 +131,20 @@ pub(super) fn run(args: &ComputablesArgs, context: &mut Context<'_>) -> Result<E
             memory.check_computables(&namespace, &query)?.iter().map(checked).collect()
         }
         _ => {
-            let (computables, complaints) = memory.computables()?;
-            wrong = complaints;
+            // One store may be out of reach: what is in the other one is worth knowing all the same.
+            let (computables, complaints, reached) = memory.reachable_computables()?;
+            (wrong, all) = (complaints, reached);
             computables.iter().map(|computable| listed(computable)).collect()
         }
     };
-    if rows.is_empty() && wrong.is_empty() {
+    if rows.is_empty() && wrong.is_empty() && all.is_ok() {
         context.output.note(
             "there are no computables; they are [[computable]] tables in rmem.toml, or added by rmem computables add",
         );
     }
     context.print_rows(rows.into_iter().map(Ok))?;
     wrong.iter().for_each(|wrong| context.output.error(wrong));
+    all?;
     Ok(if wrong.is_empty() { Exit::Done } else { Exit::BadInput })
 }
 

@@ -218,14 +218,17 @@ impl Routes {
         self.lazy(ns).is_on_server()
     }
 
-    /// [`Routes::collections`], of stores that are there.
-    pub(super) fn existing_collections(&self) -> Result<Vec<Namespace>, StoreError> {
-        let mut all = Vec::new();
+    /// [`Routes::collections`], of stores that are there, and why one of them fails.
+    pub(super) fn existing_collections(&self) -> (Vec<Namespace>, Result<(), StoreError>) {
+        let (mut all, mut done) = (Vec::new(), Ok(()));
         for lazy in self.both() {
-            let Some(store) = lazy.existing()? else { continue };
-            all.extend(store.collections()?.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy)));
+            let found = lazy.existing().and_then(|store| store.map_or(Ok(Vec::new()), |store| store.collections()));
+            match found {
+                Ok(found) => all.extend(found.into_iter().filter(|ns| std::ptr::eq(self.lazy(ns), lazy))),
+                Err(error) => done = done.and(Err(error)),
+            }
         }
-        Ok(all)
+        (all, done)
     }
 
     /// [`Routes::collections`], of the stores that no server keeps.

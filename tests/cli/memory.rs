@@ -285,6 +285,12 @@ fn what_is_of_this_robot_alone_needs_no_team() {
     let few = lab.rmem(&["expire", "--most", "team.a=1", "--most", "own.a=0"]).exits(4);
     assert!(few.stdout.contains("\"surplus\":1"), "{few}");
     lab.rmem(&["restore", "a.json", "--drop"]).success();
+    let sum = "{name: 'sum', collection: 'own.a', spec: {sum: true}, pipeline: []}";
+    lab.rmem(&["computables", "add", sum]).exits(0);
+    // A file that is not there has no computables, but a server may have some.
+    let shared = ["--shared", "mongodb://127.0.0.1:1/?serverSelectionTimeoutMS=100"];
+    let kept = lab.rmem(&[&shared[..], &["computables"]].concat()).exits(4).stdout;
+    assert!(kept.contains("\"sum\""), "{kept}");
     let listed = lab.rmem(&["collections"]).exits(4);
     assert_eq!(listed.stdout, "own.a\n");
     for arguments in [&["query", "team.a"][..], &["dump", "--all"], &["collections"]] {

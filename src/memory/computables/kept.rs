@@ -94,11 +94,11 @@ impl Memory {
         store.find(place, &IN_ORDER)?.collect()
     }
 
-    /// The collections of computables.
-    fn places(&self) -> Result<Vec<Namespace>, StoreError> {
-        let mut places = self.routes.existing_collections()?;
+    /// The collections of computables in the stores that can be reached, and why another store cannot.
+    fn places(&self) -> (Vec<Namespace>, Result<(), StoreError>) {
+        let (mut places, all) = self.routes.existing_collections();
         places.retain(|ns| ns.collection == COLLECTION);
-        Ok(places)
+        (places, all)
     }
 
     /// All computables, of the settings and of all databases, in the order in which they run; and what is kept as one
@@ -107,11 +107,24 @@ impl Memory {
     /// # Errors
     /// Where the store fails.
     pub fn computables(&self) -> Result<(Vec<Rc<Computable>>, Vec<String>), StoreError> {
-        let mut all = Rc::clone(&self.computables.declared);
-        for place in self.places()? {
-            all = Rc::new(all.with_kept(definitions(&self.records(&place)?, &place)?, &place));
+        let (computables, complaints, all) = self.reachable_computables()?;
+        all.map(|()| (computables, complaints))
+    }
+
+    /// The same of the stores that can be reached, and why another one cannot.
+    ///
+    /// # Errors
+    /// Where a store fails that can be reached.
+    #[expect(clippy::type_complexity, reason = "it is spelled out once")]
+    pub fn reachable_computables(
+        &self,
+    ) -> Result<(Vec<Rc<Computable>>, Vec<String>, Result<(), StoreError>), StoreError> {
+        let mut registry = Rc::clone(&self.computables.declared);
+        let (places, all) = self.places();
+        for place in places {
+            registry = Rc::new(registry.with_kept(definitions(&self.records(&place)?, &place)?, &place));
         }
-        Ok((all.iter().map(Rc::clone).collect(), all.complaints()))
+        Ok((registry.iter().map(Rc::clone).collect(), registry.complaints(), all))
     }
 
     /// Whether there are computables of a collection, which give documents where none is stored. Only its own store is asked.
@@ -182,7 +195,9 @@ impl Memory {
         let named = doc! { "_id": name };
         let mut removed = None;
         let mut others = Vec::new();
-        for place in self.places()? {
+        let (places, all) = self.places();
+        all?;
+        for place in places {
             match removed {
                 None if self.delete(&place, &named, false)? > 0 => removed = Some(place),
                 Some(_) if self.count_stored(&place, &named)? > 0 => others.push(place),
