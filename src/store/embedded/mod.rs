@@ -18,6 +18,7 @@ mod change;
 mod change_log;
 mod check;
 mod damage;
+mod damaged_table;
 mod disk_space;
 mod expiry;
 mod failure;

@@ -14,6 +14,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::damage::Damage;
+use super::damaged_table::DamagedTable;
 use super::new_file::NewFile;
 use super::page::PageError;
 use super::place::Place;
@@ -33,9 +34,6 @@ pub struct Repaired {
     /// What could not be saved, a sentence each.
     pub lost: Vec<String>,
 }
-
-/// A row of the documents' table: position and stored bytes.
-type Row = (i64, Vec<u8>);
 
 impl Embedded {
     /// Makes all indexes anew, in one transaction.
@@ -192,7 +190,8 @@ impl Embedded {
         done: &mut Repaired,
     ) -> Result<(), StoreError> {
         let collection = self.ensure(ns)?;
-        self.salvage_documents(source, Collection { id, generation: 0 }, (ns, collection), done)?;
+        let table = DamagedTable { source, collection: Collection { id, generation: 0 } };
+        self.salvage_documents(table, (ns, collection), done)?;
         for definition in definitions(source, id) {
             let Some(index) = definition else {
                 done.lost.push(format!("{ns}: an index: a definition cannot be read"));
@@ -226,8 +225,7 @@ impl Embedded {
     /// `_id`s names beside them. What it names and is not there is lost.
     fn salvage_documents(
         &self,
-        source: &Connection,
-        from: Collection,
+        table: DamagedTable<'_>,
         (ns, collection): (&Namespace, Collection),
         done: &mut Repaired,
     ) -> Result<(), StoreError> {
@@ -243,14 +241,14 @@ impl Embedded {
         let mut unread: Vec<RangeInclusive<i64>> = Vec::new();
         let mut position = i64::MIN;
         loop {
-            let ended = walk(source, from, position, &mut |found, stored| {
+            let ended = table.walk(position, &mut |found, stored| {
                 position = position.max(found);
                 if read.insert(found) { salvage(stored) } else { Ok(()) }
             })?;
             if ended {
                 break;
             }
-            let behind = behind_damage(source, from, position);
+            let behind = table.behind_damage(position);
             unread.push(position.saturating_add(1).max(1)..=behind.unwrap_or(i64::MAX));
             match behind {
                 Some(behind) => position = behind,
@@ -258,7 +256,7 @@ impl Embedded {
             }
         }
         let mut absent: Vec<i64> = Vec::new();
-        let named = named(source, from, &mut |position, look| {
+        let named = table.named(&mut |position, look| {
             if read.insert(position) {
                 match look() {
                     Some(stored) => salvage(&stored)?,
@@ -349,93 +347,6 @@ fn collections(source: &Connection) -> rusqlite::Result<Vec<(i64, Namespace)>> {
     let rows = statement
         .query_map([], |row| Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? })))?;
     rows.collect()
-}
-
-/// Reads the documents of a table behind a position, as the tree of its pages leads to them. Returns whether it came to the end:
-/// where something cannot be read, it stops.
-fn walk(
-    source: &Connection,
-    collection: Collection,
-    position: i64,
-    each: &mut dyn FnMut(i64, &[u8]) -> Result<(), StoreError>,
-) -> Result<bool, StoreError> {
-    let sql = format!("SELECT position, body FROM {} NOT INDEXED WHERE position > ?", collection.table());
-    let Ok(mut statement) = source.prepare(&sql) else { return Ok(false) };
-    let Ok(mut rows) = statement.query([position]) else { return Ok(false) };
-    loop {
-        let row = match rows.next() {
-            Ok(None) => return Ok(true),
-            Ok(Some(row)) => row,
-            Err(_) => return Ok(false),
-        };
-        match (row.get(0), row.get_ref(1).map(|body| body.as_blob())) {
-            (Ok(position), Ok(Ok(body))) => each(position, body)?,
-            _ => return Ok(false),
-        }
-    }
-}
-
-/// Reads the positions that the index of `_id`s names; each can be asked for the document that is there under that `_id`. Returns
-/// why it cannot be read to its end, where that is so.
-fn named(
-    source: &Connection,
-    collection: Collection,
-    each: &mut dyn FnMut(i64, &mut dyn FnMut() -> Option<Vec<u8>>) -> Result<(), StoreError>,
-) -> Result<Option<String>, StoreError> {
-    let (table, index) = (collection.table(), collection.index_of_ids());
-    let names = format!("SELECT key, position FROM {table} INDEXED BY {index} ORDER BY key");
-    let body = format!("SELECT body FROM {table} NOT INDEXED WHERE position = ?");
-    let mut read = || -> rusqlite::Result<Result<(), StoreError>> {
-        let (mut names, mut body) = (source.prepare(&names)?, source.prepare(&body)?);
-        let mut rows = names.query([])?;
-        while let Some(row) = rows.next()? {
-            let (key, position): (Vec<u8>, i64) = (row.get(0)?, row.get(1)?);
-            let is_named = |stored: &Vec<u8>| body::open(stored).is_ok_and(|document| body::has_key(document, &key));
-            let mut look = || body.query_row([position], |row| row.get(0)).ok().filter(is_named);
-            if let Err(error) = each(position, &mut look) {
-                return Ok(Err(error));
-            }
-        }
-        Ok(Ok(()))
-    };
-    match read() {
-        Ok(done) => done.map(|()| None),
-        Err(error) => Ok(Some(format!("cannot be read: {error}"))),
-    }
-}
-
-/// The next document behind a position.
-fn next(source: &Connection, collection: Collection, position: i64) -> rusqlite::Result<Option<Row>> {
-    let table = collection.table();
-    let sql = format!("SELECT position, body FROM {table} NOT INDEXED WHERE position > ? ORDER BY position LIMIT 1");
-    let found: Option<Row> =
-        source.prepare_cached(&sql)?.query_row([position], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
-    found.iter().try_for_each(|(found, _)| failure::check_order(*found, position))?;
-    Ok(found)
-}
-
-/// The last position of a damaged part that begins behind `position`: the smallest behind which a
-/// document can be read. `None` where none can.
-fn behind_damage(source: &Connection, collection: Collection, position: i64) -> Option<i64> {
-    let start = position.max(0);
-    let is_readable = |at: i64| matches!(next(source, collection, at), Ok(Some(_)));
-    let (mut damaged, mut step) = (start, 1_i64);
-    let mut readable = loop {
-        let at = start.checked_add(step)?;
-        if is_readable(at) {
-            break at;
-        }
-        if matches!(next(source, collection, at), Ok(None)) {
-            return None;
-        }
-        damaged = at;
-        step = step.checked_mul(2)?;
-    };
-    while readable - damaged > 1 {
-        let middle = damaged + (readable - damaged) / 2;
-        if is_readable(middle) { readable = middle } else { damaged = middle }
-    }
-    Some(readable)
 }
 
 /// The indexes of a collection, `None` for each that cannot be read.
