@@ -97,6 +97,14 @@ impl Memory {
         self.routes.reading(ns)?.number(ns)
     }
 
+    /// Refuses a collection of which a reader would not find all documents; see [`Store::check_whole`].
+    ///
+    /// # Errors
+    /// Where that is so, or the store fails.
+    pub fn check_whole(&self, ns: &Namespace) -> Result<(), StoreError> {
+        self.routes.reading(ns)?.check_whole(ns)
+    }
+
     /// Brings what is in the logs of files into the files themselves; see [`Store::fold`].
     ///
     /// # Errors

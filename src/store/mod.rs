@@ -384,6 +384,15 @@ pub trait Store: Send {
         Ok(None)
     }
 
+    /// Refuses a collection of which a reader would not find all documents, where that shows without reading them.
+    ///
+    /// # Errors
+    /// Where that is so, or the store fails.
+    fn check_whole(&self, ns: &Namespace) -> Result<(), StoreError> {
+        let _ = ns;
+        Ok(())
+    }
+
     /// Brings what is in a write-ahead log into the file itself, where the store has one.
     fn fold(&self) -> Result<(), StoreError> {
         Ok(())

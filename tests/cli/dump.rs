@@ -24,6 +24,32 @@ fn a_folder_is_laid_out_as_mongodump_does() {
 }
 
 #[test]
+fn a_dump_is_of_all_documents_or_none() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    let text = "x".repeat(100);
+    let documents: String = (0..200).map(|id| format!("{{_id: {id}, text: '{text}'}}\n")).collect();
+    lab.write("documents.jsonl", &documents);
+    lab.rmem(&["insert", "a.b", "--file", "documents.jsonl"]).success();
+    // A page of documents that seems to have fewer: their number is in its fourth and fifth byte.
+    let path = lab.path().join("robot.rmem");
+    let mut bytes = fs::read(&path).unwrap();
+    let is_full =
+        |page: &&mut [u8]| page[0] == 13 && page[4] > 9 && page.windows(100).any(|part| part == text.as_bytes());
+    bytes.chunks_mut(4096).find(is_full).unwrap()[4] -= 2;
+    fs::write(&path, bytes).unwrap();
+    for arguments in [&["-o", "folder"][..], &["--archive", "-o", "archive"], &["-o", "world.json"]] {
+        let dump = lab.rmem(&[&["dump", "a.b"], arguments].concat()).exits(4);
+        assert!(dump.stderr.contains("a.b has 198 documents, and its index of _ids names 200"), "{dump}");
+        assert!(!lab.path().join(arguments[arguments.len() - 1]).exists(), "{dump}");
+    }
+    let saved = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1);
+    assert!(
+        saved.stderr.contains("lost: a.b: the documents at positions ") || saved.stdout.contains("lost: "),
+        "{saved}"
+    );
+}
+
+#[test]
 fn a_key_of_extended_json_is_no_key_in_a_world_file() {
     let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
     lab.rmem(&["insert", "a.b", "{_id: 1, at: [{}]}"]).success();

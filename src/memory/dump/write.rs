@@ -16,7 +16,7 @@ use crate::interrupt::Unfinished;
 use crate::memory::Memory;
 use crate::process::stale_files;
 use crate::store::validation::collection_options;
-use crate::store::{Find, Index, Namespace, StoreError, index};
+use crate::store::{Documents, Find, Index, Namespace, StoreError, index};
 
 /// The prefix of temporary files.
 const PREFIX: &str = ".rmem-";
@@ -125,7 +125,7 @@ pub fn write_archive(
     for ns in &namespaces {
         let unread = |source| DumpError::Store { namespace: ns.to_string(), source };
         let mut count = 0;
-        for document in memory.stored(ns, &Find::default()).map_err(unread)? {
+        for document in all(memory, ns).map_err(unread)? {
             archive.document(&ns.database, &ns.collection, &document.map_err(unread)?).map_err(failed)?;
             count += 1;
         }
@@ -172,7 +172,7 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
     };
     let mut documents = create("bson").map_err(failed)?;
     let mut count = 0;
-    for document in memory.stored(ns, &Find::default()).map_err(unread)? {
+    for document in all(memory, ns).map_err(unread)? {
         documents.write_all(document.map_err(unread)?.as_bytes()).map_err(failed)?;
         count += 1;
     }
@@ -181,6 +181,12 @@ fn write_collection(memory: &Memory, ns: &Namespace, path: &Path, folder: &Path,
     metadata.write_all(self::metadata(memory, ns)?.write().as_bytes()).map_err(failed)?;
     close(metadata).map_err(failed)?;
     Ok(count)
+}
+
+/// The documents of a collection, which has to be whole: the dump may be all that is left of it one day.
+fn all<'m>(memory: &'m Memory, ns: &Namespace) -> Result<Documents<'m>, StoreError> {
+    memory.check_whole(ns)?;
+    memory.stored(ns, &Find::default())
 }
 
 /// What a dump says of a collection: its indexes, as the store lists them, and its options.

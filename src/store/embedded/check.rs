@@ -41,6 +41,24 @@ impl Embedded {
         Ok(checked)
     }
 
+    /// Compares how many documents a collection has with how many its index of `_id`s names: a damaged page may seem to have
+    /// fewer.
+    pub(super) fn check_count(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+        let (table, index) = (collection.table(), collection.index_of_ids());
+        let sql = format!(
+            "SELECT (SELECT count(*) FROM {table} NOT INDEXED), (SELECT count(*) FROM {table} INDEXED BY {index})"
+        );
+        let counts = self.connection.query_row(&sql, [], |row| Ok((row.get(0)?, row.get(1)?)));
+        let (there, named): (i64, i64) = counts.map_err(|e| self.explain(&e))?;
+        match there == named {
+            true => Ok(()),
+            false => Err(self.fail(&format!(
+                "it is damaged: {ns} has {there} documents, and its index of _ids names {named}; `rmem doctor --deep` says \
+                 more, and `rmem repair -o FILE` saves what can be read"
+            ))),
+        }
+    }
+
     fn check_collection(
         &self,
         ns: &Namespace,

@@ -447,13 +447,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("robot.rmem");
         // The number of its documents is in the fourth and fifth byte of a page.
-        changed(&path, |bytes, pages, size| {
+        let ns = changed(&path, |bytes, pages, size| {
             let count = &mut bytes[pages[3] * size + 4];
             assert!(*count > 8, "{count}");
             *count -= 4;
         });
         let before = std::fs::read(&path).unwrap();
         let store = Embedded::open(&path).unwrap();
+        let counted = store.check_whole(&ns).unwrap_err().to_string();
+        assert!(counted.contains("a.b has 596 documents, and its index of _ids names 600"), "{counted}");
         let refused = store.rebuild_indexes().unwrap_err().to_string();
         assert!(refused.contains("a.b: 4 of the documents that the index of _ids names are not there"), "{refused}");
         drop(store);

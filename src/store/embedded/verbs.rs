@@ -225,6 +225,11 @@ impl Store for Embedded {
         Ok(self.collection(ns)?.map(|collection| collection.id))
     }
 
+    fn check_whole(&self, ns: &Namespace) -> Result<(), StoreError> {
+        let Some(collection) = self.collection(ns)? else { return Ok(()) };
+        self.check_count(ns, collection)
+    }
+
     fn fold(&self) -> Result<(), StoreError> {
         let fold = "PRAGMA wal_checkpoint(TRUNCATE)";
         self.connection.query_row(fold, [], |_| Ok(())).map_err(|e| self.explain(&e))

@@ -82,6 +82,7 @@ fn write_documents(
     out: &mut dyn Write,
 ) -> Result<usize, WorldDumpError> {
     let find = Find { sort: doc! { "_id": 1 }, ..Find::default() };
+    memory.check_whole(ns)?;
     let mut count = 0;
     for document in memory.stored(ns, &find)? {
         let mut document =
