@@ -11,7 +11,7 @@ use super::indexed::Indexed;
 use super::keys::seal;
 use super::scan::check_ending;
 use super::snapshot::Snapshot;
-use super::{Embedded, body, change_log};
+use super::{Embedded, body, change_log, failure};
 use crate::store::index::ID;
 use crate::store::{Checked, Namespace, StoreError, Validated, ValidatedIndex};
 
@@ -43,20 +43,33 @@ impl Embedded {
 
     /// Compares how many documents a collection has with how many its index of `_id`s names: a damaged page may seem to have
     /// fewer.
-    pub(super) fn check_count(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
+    pub(super) fn check_count(&self, collection: Collection) -> Result<(), StoreError> {
         let (table, index) = (collection.table(), collection.index_of_ids());
         let sql = format!(
             "SELECT (SELECT count(*) FROM {table} NOT INDEXED), (SELECT count(*) FROM {table} INDEXED BY {index})"
         );
         let counts = self.connection.query_row(&sql, [], |row| Ok((row.get(0)?, row.get(1)?)));
-        let (there, named): (i64, i64) = counts.map_err(|e| self.explain(&e))?;
-        match there == named {
-            true => Ok(()),
-            false => Err(self.fail(&format!(
-                "it is damaged: {ns} has {there} documents, and its index of _ids names {named}; `rmem doctor --deep` says \
-                 more, and `rmem repair -o FILE` saves what can be read"
-            ))),
+        let (there, named): (i64, i64) = match counts {
+            // A collection that another process dropped has no documents.
+            Err(error) if failure::is_gone(&error) => return Ok(()),
+            counts => counts.map_err(|e| self.explain(&e))?,
+        };
+        if there == named {
+            self.is_whole.borrow_mut().insert(collection.id);
+            return Ok(());
         }
+        let ns = collection.namespace(&self.connection).ok().flatten();
+        let ns = ns.map_or_else(|| "a collection".to_owned(), |ns| ns.to_string());
+        Err(self.fail(&format!(
+            "it is damaged: {ns} has {there} documents, and its index of _ids names {named}; `rmem doctor --deep` says \
+             more, and `rmem repair -o FILE` saves what can be read"
+        )))
+    }
+
+    /// The same, for each collection only until it was found to be whole: pages are damaged while they lie on the disk.
+    pub(super) fn check_count_once(&self, collection: Collection) -> Result<(), StoreError> {
+        let is_known = self.is_whole.borrow().contains(&collection.id);
+        if is_known { Ok(()) } else { self.check_count(collection) }
     }
 
     fn check_collection(

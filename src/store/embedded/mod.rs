@@ -57,6 +57,7 @@ mod verbs;
 mod watcher;
 
 use std::cell::{Cell, RefCell};
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -98,6 +99,8 @@ pub struct Embedded {
     reads_until: Cell<Option<Instant>>,
     /// Whether documents are stored that do not pass the validator of their collection.
     is_bypassing: Cell<bool>,
+    /// The collections, by number, that have been found to have all documents that their index of `_id`s names.
+    is_whole: RefCell<HashSet<i64>>,
     /// Takes warnings.
     warn: RefCell<Option<Warn>>,
     /// Whether what is written makes room.

@@ -454,8 +454,14 @@ mod tests {
         });
         let before = std::fs::read(&path).unwrap();
         let store = Embedded::open(&path).unwrap();
-        let counted = store.check_whole(&ns).unwrap_err().to_string();
-        assert!(counted.contains("a.b has 596 documents, and its index of _ids names 600"), "{counted}");
+        let counted = "a.b has 596 documents, and its index of _ids names 600";
+        let read: Vec<Result<_, StoreError>> = store.find(&ns, &Find::default()).unwrap().collect();
+        let last = read.last().and_then(|last| last.as_ref().err()).expect("what is missing is noticed").to_string();
+        assert!(read.len() as u64 == COUNT - 3 && last.contains(counted), "{} {last}", read.len());
+        let filter = doc! { "text": { "$exists": true } };
+        let matched = store.count(&ns, (&filter).into()).unwrap_err().to_string();
+        assert!(matched.contains(counted), "{matched}");
+        assert!(store.check_whole(&ns).unwrap_err().to_string().contains(counted));
         let refused = store.rebuild_indexes().unwrap_err().to_string();
         assert!(refused.contains("a.b: 4 of the documents that the index of _ids names are not there"), "{refused}");
         drop(store);

@@ -50,6 +50,8 @@ pub(super) struct Scan<'a> {
     /// That failure, until they are.
     failure: Option<StoreError>,
     page_documents: usize,
+    /// Whether it looks at all documents, and how many there should be is still to be looked at.
+    is_whole: bool,
     /// More matches than this are not asked for.
     most: usize,
     is_sorted: bool,

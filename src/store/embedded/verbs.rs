@@ -227,7 +227,7 @@ impl Store for Embedded {
 
     fn check_whole(&self, ns: &Namespace) -> Result<(), StoreError> {
         let Some(collection) = self.collection(ns)? else { return Ok(()) };
-        self.check_count(ns, collection)
+        self.check_count(collection)
     }
 
     fn fold(&self) -> Result<(), StoreError> {

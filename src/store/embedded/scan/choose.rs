@@ -119,6 +119,7 @@ impl<'a> Scan<'a> {
             filter: Arc::clone(filter),
             // The rest of an index is listed with the first page, so that page is large.
             page_documents: if matches!(rest, Rest::Listed(_)) { PAGE_DOCUMENTS } else { 1 },
+            is_whole: matches!(rest, Rest::Between(..)),
             rest,
             listings,
             page: VecDeque::new(),

@@ -42,7 +42,16 @@ impl Scan<'_> {
         while !matches!(self.rest, Rest::Nothing) {
             count += self.counted()?;
         }
+        self.check_whole()?;
         Ok(count)
+    }
+
+    /// Checks at the end whether all documents were there to be looked at, which nothing of what was read tells.
+    fn check_whole(&mut self) -> Result<(), StoreError> {
+        match std::mem::take(&mut self.is_whole) {
+            true => self.store.check_count_once(self.collection),
+            false => Ok(()),
+        }
     }
 
     /// How many documents of the next page match.
@@ -120,7 +129,8 @@ impl Iterator for Scan<'_> {
                 return Some(Ok(found));
             }
             if matches!(self.rest, Rest::Nothing) {
-                return self.failure.take().map(Err);
+                let failure = self.failure.take();
+                return failure.or_else(|| self.check_whole().err()).map(Err);
             }
             match self.turn() {
                 Err(error) if self.is_up_to_failure && error.is_of_document() => self.failure = Some(error),

@@ -27,6 +27,7 @@ impl<'a> Scan<'a> {
             page: VecDeque::new(),
             is_up_to_failure: false,
             failure: None,
+            is_whole: false,
             most: usize::MAX,
             is_sorted: false,
             examined: Rc::default(),
