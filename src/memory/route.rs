@@ -238,8 +238,7 @@ impl Routes {
 
     /// [`Routes::collections`], of the private store and, where databases are in it, of the shared one: each with its address.
     pub(super) fn collections_by_store(&self) -> impl Iterator<Item = (String, Result<Vec<Namespace>, StoreError>)> {
-        let stores = std::iter::once(&self.local).chain(self.used());
-        stores.map(|lazy| (lazy.describe(), self.listed(std::iter::once(lazy))))
+        self.in_use().map(|lazy| (lazy.describe(), self.listed(std::iter::once(lazy))))
     }
 
     /// [`Routes::collections`], by database. Where the shared store cannot be reached, its databases are there without any.
@@ -323,6 +322,11 @@ impl Routes {
         self.shared.as_ref().filter(|_| !self.shared_databases.is_empty())
     }
 
+    /// The private store and, where databases are in it, the shared one.
+    fn in_use(&self) -> impl Iterator<Item = &Lazy> {
+        std::iter::once(&self.local).chain(self.used())
+    }
+
     /// Those that no server keeps.
     fn in_files(&self) -> impl Iterator<Item = &Lazy> {
         self.both().filter(|lazy| !lazy.is_on_server())
@@ -364,7 +368,7 @@ impl Routes {
 
     /// All collections, each in the store its database belongs to, sorted.
     pub(super) fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
-        self.listed(std::iter::once(&self.local).chain(self.used()))
+        self.listed(self.in_use())
     }
 
     /// The collections in the store of `ns`, without asking another store.

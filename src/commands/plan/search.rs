@@ -1,7 +1,7 @@
 //! `rmem plan` itself: a problem from the memory, a plan for it, and the plan into the memory.
 
 use std::panic::resume_unwind;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use super::{show, watch};
 use crate::commands::Context;
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::{Source, quantity};
+use crate::formats::quantity;
 use crate::plan::Input;
 use crate::planner::Planner;
 use crate::planning::{self, PlanRequest, SearchOptions};
@@ -75,19 +75,19 @@ pub(super) fn run(args: &SearchArgs, context: &mut Context<'_>) -> Result<Exit> 
     // The planners' programs start while the domain is read and the problem is made, but not beside that in this process:
     // threads that need new memory wait for each other. The built-in one begins with a large problem while that is checked.
     let mut portfolio = planning::start(&planners, &options.limits(), &host);
+    let source = source::read(&args.task, context)?;
+    let early = match &source.input {
+        Input::Problem(problem) if !source.lenient => Some((source.domain.clone(), problem.clone())),
+        _ => None,
+    };
     thread::scope(|scope| {
-        let (sender, texts) = mpsc::channel::<(Source, Source)>();
         let host = &host;
         let starting = scope.spawn(move || {
-            texts.iter().for_each(|(domain, problem)| portfolio.begin(&domain, &problem, host));
+            if let Some((domain, problem)) = early {
+                portfolio.begin(&domain, &problem, host);
+            }
             portfolio
         });
-        let source = source::read(&args.task, context)?;
-        if let (Input::Problem(problem), false) = (&source.input, source.lenient) {
-            // The thread is there until there are no more texts.
-            let _ = sender.send((source.domain.clone(), problem.clone()));
-        }
-        drop(sender);
         let request = PlanRequest::new(source, planners.clone(), options.clone())?;
         let memory = context.memory()?;
         let started = || starting.join().unwrap_or_else(|panic| resume_unwind(panic));

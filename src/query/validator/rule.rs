@@ -49,10 +49,10 @@ pub(super) fn failing(schema: &Document, value: &Bson, place: Place) -> Vec<Docu
     stated.filter_map(|keyword| explain(keyword, schema, value, place)).collect()
 }
 
-/// Returns that no document satisfies a schema, since that is about something else.
-pub(super) fn never(schema: &Document, document: &Bson) -> Option<Document> {
-    let fails = |keyword: &&str| !satisfies(&alone(schema, keyword), document);
-    ["type", "bsonType"].iter().any(|keyword| schema.contains_key(keyword) && fails(keyword)).then(|| {
+/// Returns that no document satisfies a schema of whole ones, where that is about something else.
+pub(super) fn never(schema: &Document, value: &Bson, place: Place) -> Option<Document> {
+    let fails = |keyword: &&str| schema.contains_key(keyword) && !satisfies(&alone(schema, keyword), value);
+    (place == Place::Whole && ["type", "bsonType"].iter().any(fails)).then(|| {
         doc! {
             "operatorName": "$jsonSchema", "specifiedAs": { "$jsonSchema": schema.clone() },
             "reason": "expression always evaluates to false",
@@ -62,7 +62,7 @@ pub(super) fn never(schema: &Document, document: &Bson) -> Option<Document> {
 
 /// The rules of a schema within another one, with its title, that a value does not satisfy.
 fn within(details: &mut Document, schema: &Document, value: &Bson, place: Place) {
-    match Some(place).filter(|place| *place == Place::Whole).and_then(|_| never(schema, value)) {
+    match never(schema, value, place) {
         Some(never) => details.insert("details", never),
         None => {
             titled(schema, details);
@@ -209,8 +209,8 @@ fn dependencies(details: Document, needed: &Document, fields: &Document, place: 
             Bson::Array(names) => missing(names, fields).map(|missing| ("missingProperties", Bson::from(missing))),
             Bson::Document(schema) => {
                 let value = Bson::Document(fields.clone());
-                let never = || never(schema, &value).filter(|_| place == Place::Whole).map(Bson::from);
-                let why = || never().unwrap_or_else(|| failing(schema, &value, place).into());
+                let why =
+                    || never(schema, &value, place).map_or_else(|| failing(schema, &value, place).into(), Bson::from);
                 (!satisfies(schema, &value)).then(|| ("details", why()))
             }
             _ => None,

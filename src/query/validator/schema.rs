@@ -13,7 +13,7 @@ pub(super) fn explain(schema: &Document, document: &Document, holds: bool) -> Do
         return details;
     }
     let document = Bson::Document(document.clone());
-    if let Some(details) = never(schema, &document) {
+    if let Some(details) = never(schema, &document, Place::Whole) {
         return details;
     }
     titled(schema, &mut details);

@@ -42,8 +42,11 @@ impl Embedded {
     }
 
     /// Compares how many documents a collection has with how many its index of `_id`s names: a damaged page may seem to have
-    /// fewer.
+    /// fewer. Once that was so, it is not looked at again: pages are damaged while they lie on the disk.
     pub(super) fn check_count(&self, collection: Collection) -> Result<(), StoreError> {
+        if self.whole.borrow().contains(&collection.id) {
+            return Ok(());
+        }
         let (table, index) = (collection.table(), collection.index_of_ids());
         let sql = format!(
             "SELECT (SELECT count(*) FROM {table} NOT INDEXED), (SELECT count(*) FROM {table} INDEXED BY {index})"
@@ -55,21 +58,14 @@ impl Embedded {
             counts => counts.map_err(|e| self.explain(&e))?,
         };
         if there == named {
-            self.is_whole.borrow_mut().insert(collection.id);
+            self.whole.borrow_mut().insert(collection.id);
             return Ok(());
         }
-        let ns = collection.namespace(&self.connection).ok().flatten();
-        let ns = ns.map_or_else(|| "a collection".to_owned(), |ns| ns.to_string());
+        let ns = self.name(collection);
         Err(self.fail(&format!(
             "it is damaged: {ns} has {there} documents, and its index of _ids names {named}; `rmem doctor --deep` says \
              more, and `rmem repair -o FILE` saves what can be read"
         )))
-    }
-
-    /// The same, for each collection only until it was found to be whole: pages are damaged while they lie on the disk.
-    pub(super) fn check_count_once(&self, collection: Collection) -> Result<(), StoreError> {
-        let is_known = self.is_whole.borrow().contains(&collection.id);
-        if is_known { Ok(()) } else { self.check_count(collection) }
     }
 
     fn check_collection(

@@ -201,7 +201,7 @@ impl Embedded {
             is_reading: Cell::default(),
             reads_until: Cell::default(),
             is_bypassing: Cell::default(),
-            is_whole: RefCell::default(),
+            whole: RefCell::default(),
             warn: RefCell::default(),
             is_deleting: Cell::default(),
             is_crowded: Cell::new(true),

@@ -100,7 +100,7 @@ pub struct Embedded {
     /// Whether documents are stored that do not pass the validator of their collection.
     is_bypassing: Cell<bool>,
     /// The collections, by number, that have been found to have all documents that their index of `_id`s names.
-    is_whole: RefCell<HashSet<i64>>,
+    whole: RefCell<HashSet<i64>>,
     /// Takes warnings.
     warn: RefCell<Option<Warn>>,
     /// Whether what is written makes room.

@@ -49,7 +49,7 @@ impl Scan<'_> {
     /// Checks at the end whether all documents were there to be looked at, which nothing of what was read tells.
     fn check_whole(&mut self) -> Result<(), StoreError> {
         match std::mem::take(&mut self.is_whole) {
-            true => self.store.check_count_once(self.collection),
+            true => self.store.check_count(self.collection),
             false => Ok(()),
         }
     }
