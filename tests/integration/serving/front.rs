@@ -22,6 +22,23 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
 ];
 
+/// Checks that what is served in front of a mongod gives the answers that are expected.
+pub(super) fn answers_alike(
+    mongod: &str,
+    commands: &[Document],
+    expected: &[Document],
+    ask: impl Fn(&mut Wire, &Document) -> Result<Document, Failed>,
+) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let mut wire = Wire::connect(served.address())?;
+    assert_eq!(commands.len(), expected.len());
+    for (command, expected) in commands.iter().zip(expected) {
+        assert_eq!(ask(&mut wire, command)?, *expected, "{command}");
+    }
+    Ok(())
+}
+
 fn in_front(mongod: &str) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let settings = "[[computable]]\nname = 'double'\ncollection = 'in_front.things'\nspec = \"{double: {$exists: true}}\"\n\

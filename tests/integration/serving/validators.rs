@@ -3,6 +3,7 @@
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 
+use super::front::answers_alike;
 use super::wire::Wire;
 use super::{Beside, Case, Served, TIMEOUT, code};
 
@@ -333,12 +334,7 @@ fn beside(mongod: &str) -> Result<(), Failed> {
     }
     // In front of that mongod, the answers are its own.
     run(&mut real, &doc! { "dropDatabase": 1 })?;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let mut front = Wire::connect(served.address())?;
-    for (command, expected) in commands().iter().zip(expected) {
-        assert_eq!(seen(&run(&mut front, command)?), expected, "{command}");
-    }
+    answers_alike(mongod, &commands(), &expected, |wire, command| Ok(seen(&run(wire, command)?)))?;
     run(&mut real, &doc! { "dropDatabase": 1 })?;
     Ok(())
 }
