@@ -150,6 +150,11 @@ impl Failure {
         Self::new(codes::UNKNOWN_MODE, message)
     }
 
+    /// A command that writes nothing says who is to confirm it.
+    pub(super) fn without_write_concern() -> Self {
+        Self::new(codes::INVALID_OPTIONS, "Command does not support writeConcern")
+    }
+
     /// The answer to a command that failed.
     pub(super) fn reply(&self) -> Document {
         let mut reply = doc! {

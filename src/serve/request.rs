@@ -40,9 +40,6 @@ pub(super) struct Request {
 /// The number of the last operation.
 static OPERATIONS: AtomicI32 = AtomicI32::new(0);
 
-/// Commands that only read, and have no write concern.
-const READING: [&str; 3] = ["find", "count", "distinct"];
-
 /// Commands that MongoDB refuses by another code than the rest where the name of their collection is no text.
 const NAMED: [&str; 5] = ["collStats", "count", "dataSize", "distinct", "validate"];
 
@@ -176,12 +173,12 @@ impl Request {
     /// Whether the client is told nothing of what is written.
     pub(super) fn is_unacknowledged(&self) -> bool {
         let concern = self.write_concern.as_ref().map(|concern| &concern.acknowledgment);
-        concern == Some(&Acknowledgment::Unacknowledged) && self.name != "abortTransaction"
+        concern == Some(&Acknowledgment::Unacknowledged)
     }
 
-    /// Why its write concern cannot be met, where that is so. An abort writes nothing that could be acknowledged.
+    /// Why its write concern cannot be met, where that is so.
     pub(super) fn unmet_concern(&self) -> Option<Failure> {
-        let concern = self.write_concern.as_ref().filter(|_| self.name != "abortTransaction")?;
+        let concern = self.write_concern.as_ref()?;
         match &concern.acknowledgment {
             Acknowledgment::Unacknowledged | Acknowledgment::Usual => None,
             Acknowledgment::Several => {
@@ -322,9 +319,6 @@ fn check_read_concern(fields: Fields<'_>) -> Result<(), Failure> {
 /// Reads the write concern, where there is one.
 fn write_concern(fields: Fields<'_>) -> Result<Option<WriteConcern>, Failure> {
     let Some(given) = fields.document.get("writeConcern") else { return Ok(None) };
-    if READING.contains(&fields.of) {
-        return Err(Failure::new(codes::INVALID_OPTIONS, format!("{} does not support writeConcern", fields.of)));
-    }
     let Bson::Document(document) = given else {
         let message = format!("\"writeConcern\" had the wrong type. Expected object, found {}", type_name(given));
         return Err(Failure::new(codes::TYPE_MISMATCH, message));
@@ -419,7 +413,6 @@ mod tests {
         assert_eq!(others.write_concern.unwrap().acknowledgment, Acknowledgment::Several);
         let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();
         assert_eq!(mode.write_concern.unwrap().acknowledgment, Acknowledgment::Mode("far".to_owned()));
-        assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": { "w": 1 } }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": { "j": "x" } }), codes::TYPE_MISMATCH);
         let both = doc! { "j": true, "fsync": true };
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": both }), codes::FAILED_TO_PARSE);
@@ -439,7 +432,6 @@ mod tests {
         assert_eq!(code(doc! { "aggregate": 1, "$db": "a", "readConcern": Bson::Null }), codes::FAILED_TO_PARSE);
         assert_eq!(code(doc! { "aggregate": 1, "$db": "a", "maxTimeMS": "1" }), codes::TYPE_MISMATCH);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "writeConcern": Bson::Null }), codes::TYPE_MISMATCH);
-        assert_eq!(code(doc! { "find": "c", "$db": "a", "writeConcern": Bson::Null }), codes::INVALID_OPTIONS);
         assert_eq!(code(doc! { "ping": 1, "$db": "a", "bypassDocumentValidation": "x" }), codes::TYPE_MISMATCH);
         let concern = |concern: Document| code(doc! { "ping": 1, "$db": "a", "readConcern": concern });
         assert_eq!(concern(doc! { "afterClusterTime": Timestamp { time: 1, increment: 1 } }), 0);

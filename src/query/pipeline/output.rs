@@ -1,5 +1,7 @@
 //! `$out` and `$merge`: where results are written.
 
+use std::collections::HashSet;
+
 use bson::{Bson, Document};
 
 use super::argument::{inner, origin};
@@ -94,17 +96,19 @@ fn check_shape(stage: &str, value: &Bson) -> Result<()> {
 }
 
 fn place(stage: &str, value: &Bson) -> Result<Origin> {
+    let is_out = stage == "$out";
     check_shape(stage, value)?;
     let place = origin(stage, value)?;
-    if place.collection.starts_with("system.")
-        || place.collection.contains(['$', '\0'])
-        || place.collection.starts_with('.')
-    {
-        return Err(QueryError::invalid(73, format!("{stage} cannot write to '{}'", place.collection)));
+    let no_target = |code| Err(QueryError::invalid(code, format!("{stage} cannot write to '{}'", place.collection)));
+    match place.collection.as_str() {
+        name if name.starts_with('.') || name.contains('\0') => return no_target(73),
+        name if name.starts_with("system.") => return no_target(if is_out { 17_385 } else { 31_319 }),
+        name if name.contains('$') => return no_target(if is_out { 20 } else { 73 }),
+        _ => {}
     }
     if let Some(database) = &place.database {
         if matches!(database.as_str(), "admin" | "local" | "config") {
-            let code = if stage == "$out" { 31_321 } else { 31_320 };
+            let code = if is_out { 31_321 } else { 31_320 };
             return Err(QueryError::invalid(code, format!("cannot {stage} to internal database: {database}")));
         }
         if database.is_empty() || database.len() > 63 || database.contains(|c| "/\\. \"$*<>:|?\0".contains(c)) {
@@ -187,24 +191,22 @@ impl Merge {
 }
 
 fn fields(value: &Bson) -> Result<Vec<String>> {
-    let message = "$merge 'on' must be a string or an array of different strings";
-    let wrong = || QueryError::invalid(51_186, message);
-    let no_string = || QueryError::invalid(51_134, message);
+    let wrong = |code| QueryError::invalid(code, "$merge 'on' must be a string or an array of different strings");
     let fields = match value {
         Bson::String(name) => vec![name.clone()],
-        Bson::Array(items) if !items.is_empty() => items
+        Bson::Array(items) => items
             .iter()
-            .map(|item| item.as_str().map(str::to_owned).ok_or_else(no_string))
+            .map(|item| item.as_str().map(str::to_owned).ok_or_else(|| wrong(51_134)))
             .collect::<Result<Vec<_>>>()?,
-        _ => return Err(wrong()),
+        _ => return Err(wrong(51_186)),
     };
-    let mut sorted = fields.clone();
-    sorted.sort();
-    sorted.dedup();
-    if sorted.len() != fields.len() || fields.iter().any(|name| name.is_empty() || name.starts_with('$')) {
-        return Err(wrong());
+    match fields.as_slice() {
+        [] => Err(wrong(51_187)),
+        names if names.iter().any(String::is_empty) => Err(wrong(40_352)),
+        names if names.iter().any(|name| name.starts_with('$')) => Err(wrong(16_410)),
+        names if names.iter().collect::<HashSet<_>>().len() < names.len() => Err(wrong(31_465)),
+        _ => Ok(fields),
     }
-    Ok(fields)
 }
 
 fn matched(value: &Bson) -> Result<WhenMatched> {

@@ -43,6 +43,11 @@ fn more(host: &mut Host<'_>, call: &Call) -> Answer {
         );
         return Err(Failure::new(codes::UNAUTHORIZED, message));
     }
+    let waits = matches!(&open.owner, Owner::Stream(_));
+    if !waits && call.request.body.contains_key("maxTimeMS") {
+        let message = "cannot set maxTimeMS on getMore command for a non-awaitData cursor";
+        return Err(Failure::new(codes::BAD_VALUE, message));
+    }
     cursors.touch(id, host.id);
     let batch = fields.size("batchSize")?;
     match &open.owner {

@@ -57,6 +57,14 @@ impl Command {
         }
     }
 
+    /// Whether it may say who has to confirm what is written (`writeConcern`).
+    pub(super) fn takes_write_concern(&self) -> bool {
+        match self.run {
+            Run::Here(_) | Run::Read(_) => matches!(self.name, "commitTransaction" | "abortTransaction"),
+            Run::Write(_) | Run::Either(..) | Run::Sliced(..) => true,
+        }
+    }
+
     /// Allowed for every client.
     pub(super) const fn open(self) -> Self {
         Self { is_open: true, ..self }

@@ -130,6 +130,9 @@ fn results(call: &Call, access: Access<'_>, functions: &MapReduce) -> Result<Vec
 }
 
 fn inline(host: &mut Host<'_>, call: &Call) -> Answer {
+    if call.request.write_concern.is_some() {
+        return Err(Failure::without_write_concern());
+    }
     let functions = read(call.request.fields())?;
     let found = results(call, call.access(host.memory()?), &functions)?;
     let reply = RawDocumentBuf::try_from(&doc! { "results": found })?;

@@ -90,10 +90,15 @@ const COMMANDS: &[Command] = &[Command::here("listCommands", list)];
 
 /// Runs a command of a client.
 pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form: Form) -> Answer {
+    let command = body.keys().next().and_then(|name| find(name));
+    if body.contains_key("writeConcern") && command.is_some_and(|command| !command.takes_write_concern()) {
+        return Err(Failure::without_write_concern());
+    }
     let request = Arc::new(Request::read(body)?);
     let activity = Arc::clone(&client.activity);
     let _active = activity.begin(&request);
-    let (is_unacknowledged, failure) = (request.is_unacknowledged(), request.unmet_concern());
+    let writes = command.is_some_and(|command| command.is_writing(&request) || command.name == "commitTransaction");
+    let (is_unacknowledged, failure) = (request.is_unacknowledged(), request.unmet_concern().filter(|_| writes));
     let ns = failure.as_ref().map(|_| home(&request));
     let unacknowledged = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),

@@ -71,6 +71,14 @@ impl Embedded {
         Ok(())
     }
 
+    /// Checks that there is a unique index on the fields that results of a pipeline over `ns` are merged on.
+    pub(super) fn check_mergeable(&self, ns: &Namespace, merge: &Merge) -> Result<(), StoreError> {
+        let collection = self.collection(&named(&merge.into, ns))?;
+        let indexes = collection.map(|collection| self.indexes_of(collection)).transpose()?;
+        unique_on(indexes.as_ref().map_or(&[], |defined| defined), merge)?;
+        Ok(())
+    }
+
     /// Merges results into a collection, in slices that let other processes write in between.
     fn merge(&self, ns: &Namespace, merge: &Merge, results: Results<'_>, now: DateTime) -> Result<(), StoreError> {
         let _guard = InterruptGuard::stopping();

@@ -32,6 +32,9 @@ impl Embedded {
             self.check_near(collection, near)?;
         }
         self.bind_searches(ns, &pipeline)?;
+        if let Some(Output::Merge(merge)) = pipeline.output() {
+            self.check_mergeable(ns, merge)?;
+        }
         let input: Documents<'_> = match (described, pipeline.brings_documents()) {
             (Some(documents), _) => Box::new(documents.into_iter().map(Ok)),
             (None, true) => Box::new(std::iter::empty()),

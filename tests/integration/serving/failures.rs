@@ -21,10 +21,8 @@ fn commands() -> Vec<Document> {
     let stages = |stages: Vec<Document>| doc! { "q": { "_id": 1 }, "u": stages };
     let unknown = || stages(vec![doc! { "$no": 1 }]);
     let update = |updates: Vec<Document>| doc! { "update": "c", "updates": updates };
-    let merge = |options: Document| {
-        let stage = with(doc! { "into": "t" }, options);
-        doc! { "aggregate": "c", "pipeline": [{ "$merge": stage }], "cursor": {} }
-    };
+    let pipeline = |stage: Document| doc! { "aggregate": "c", "pipeline": [stage], "cursor": {} };
+    let merge = |options: Document| pipeline(doc! { "$merge": with(doc! { "into": "t" }, options) });
     let session = doc! { "lsid": { "id": bson::Uuid::new() }, "txnNumber": 1_i64 };
     let repeated = with(update(vec![more(0), unknown(), more(2)]), session);
     let drop = |concern: Document| doc! { "dropDatabase": 1, "writeConcern": concern };
@@ -40,7 +38,8 @@ fn commands() -> Vec<Document> {
         merge(doc! { "whenNotMatched": "fail" }),
         merge(doc! { "whenMatched": "fail", "whenNotMatched": "discard" }),
         merge(doc! { "whenMatched": "replace" }),
-        doc! { "aggregate": "c", "pipeline": [{ "$merge": "t" }], "cursor": {}, "writeConcern": { "w": 5, "wtimeout": 9 } },
+        with(pipeline(doc! { "$merge": "t" }), doc! { "writeConcern": { "w": 5, "wtimeout": 9 } }),
+        with(pipeline(doc! { "$match": {} }), doc! { "writeConcern": { "w": 5, "wtimeout": 9 } }),
         drop(doc! { "w": 5, "wtimeout": 100 }),
         drop(doc! { "w": 5, "wtimeout": 100 }),
         drop(doc! { "w": "far" }),
@@ -78,7 +77,18 @@ fn refused() -> Vec<Document> {
         aggregate(doc! { "$merge": { "into": { "db": "admin", "coll": "x" } } }),
         merge(doc! { "into": { "coll": 1 } }),
         merge(doc! { "into": { "coll": "x", "db": 1 } }),
+        aggregate(doc! { "$out": "a$b" }),
+        aggregate(doc! { "$out": "system.x" }),
+        aggregate(doc! { "$merge": "a$b" }),
+        aggregate(doc! { "$merge": "system.x" }),
         merge(doc! { "on": [1] }),
+        merge(doc! { "on": [] }),
+        merge(doc! { "on": ["a", "a"] }),
+        merge(doc! { "on": "" }),
+        merge(doc! { "on": "$a" }),
+        // There is no such index, which is found before documents without the field are.
+        merge(doc! { "on": "u" }),
+        merge(doc! { "into": "none", "on": "u" }),
         merge(doc! { "whenNotMatched": 1 }),
         aggregate(doc! { "$indexStats": { "a": 1 } }),
     ];
@@ -127,6 +137,7 @@ fn explained() -> Vec<Document> {
     let merge = |fields: Document, options: Document| {
         pipeline(vec![set(fields), doc! { "$merge": with(doc! { "into": "t" }, options) }])
     };
+    let confirmed = || doc! { "writeConcern": { "w": 1 } };
     let by_zero = || doc! { "$expr": { "$divide": ["$n", 0] } };
     vec![
         change("t", doc! { "_id": 2 }, set(doc! { "u": 1 })),
@@ -147,6 +158,12 @@ fn explained() -> Vec<Document> {
         merge(doc! { "_id": 7, "u": 1 }, doc! { "whenMatched": "fail" }),
         merge(doc! { "_id": 7, "u": 1 }, doc! {}),
         merge(doc! { "u": 1 }, doc! { "on": "u", "whenMatched": "fail" }),
+        // What does not write, has no write concern.
+        with(doc! { "ping": 1 }, confirmed()),
+        with(doc! { "find": "c" }, confirmed()),
+        with(doc! { "explain": { "find": "c" } }, confirmed()),
+        with(doc! { "getMore": 7_i64, "collection": "c" }, confirmed()),
+        with(doc! { "mapReduce": "c", "map": "", "reduce": "", "out": { "inline": 1 } }, confirmed()),
     ]
 }
 
@@ -186,7 +203,17 @@ fn beside(mongod: &str) -> Result<(), Failed> {
     for _ in 0..2 {
         assert_eq!(said(&own.run(&drop)?), said(&real.run(&drop)?));
     }
+    assert_eq!(in_no_time(&mut own)?, in_no_time(&mut real)?);
     Ok(())
+}
+
+/// A cursor that waits for nothing has no time to wait, and goes on after it was asked so.
+fn in_no_time(wire: &mut Wire) -> Result<[Document; 2], Failed> {
+    let own = |command: Document| with(command, doc! { "$db": "failures" });
+    let answer = wire.run(&own(doc! { "find": "c", "batchSize": 1 }))?;
+    let more = doc! { "getMore": answer.get_document("cursor")?.get_i64("id")?, "collection": "c", "batchSize": 1 };
+    let limited = wire.run(&own(with(more.clone(), doc! { "maxTimeMS": 5 })))?;
+    Ok([said(&limited), said(&wire.run(&own(more))?)])
 }
 
 /// Another client inserts while `$merge` writes, also where the connection has a cursor.
