@@ -18,6 +18,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "delete",
             "index",
             "create",
+            "coll-mod",
             "rename",
             "collections",
             "schema",

@@ -6,6 +6,7 @@ mod backend;
 mod backup;
 mod bench;
 mod clips;
+mod coll_mod;
 mod collections;
 mod compare;
 mod completions;
@@ -60,6 +61,7 @@ mod undo;
 mod unlock;
 mod update;
 mod validate;
+mod validation;
 #[cfg(feature = "views")]
 mod view;
 mod watch;
@@ -122,6 +124,7 @@ commands! {
     "index" Index(index::IndexArgs),
     "collections" Collections(collections::CollectionsArgs),
     "create" Create(create::CreateArgs),
+    "coll-mod" CollMod(coll_mod::CollModArgs),
     "rename" Rename(rename::RenameArgs),
     "drop" Drop(drop::DropArgs),
     "history" History(history::HistoryArgs),

@@ -72,6 +72,20 @@ impl Validation {
         Ok(Self { validator, level: choice(options, LEVEL, &LEVELS)?, action: choice(options, ACTION, &ACTIONS)? })
     }
 
+    /// What a collection says after these options are changed: what they leave out stays, or is what MongoDB sets then.
+    ///
+    /// # Errors
+    /// Where one has a wrong value.
+    pub fn changed(self, options: &Document) -> Result<Self, QueryError> {
+        let said = Self::read(options)?;
+        let is_kept = matches!(options.get(VALIDATOR), None | Some(Bson::Null | Bson::Undefined));
+        Ok(Self {
+            validator: if is_kept { self.validator } else { said.validator },
+            level: said.level.or(self.level).or(Some(ValidationLevel::Strict)),
+            action: said.action.or(self.action).or(Some(ValidationAction::Error)),
+        })
+    }
+
     /// The options, as MongoDB lists them.
     #[must_use]
     pub fn options(&self) -> Document {

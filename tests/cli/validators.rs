@@ -161,3 +161,116 @@ fn repair_and_backup_keep_the_validator() {
     }
     lab.rmem(&["doctor", "--deep"]).success();
 }
+
+#[test]
+fn a_collection_is_made_with_a_validator_that_is_changed_and_removed() {
+    let lab = lab();
+    let create = ["create", NS, "--validator", "{weight: {$gt: 0}}", "--validation-action", "error"];
+    lab.rmem(&create).success();
+    assert_run!(lab.rmem(&create), @r"
+    ------- stderr -------
+    robmem.boxes exists already
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["create", NS, "--validator", "{weight: {$gt: 1}}"]), @r"
+    ------- stderr -------
+    warning: robmem.boxes exists and takes other documents; `rmem coll-mod robmem.boxes` changes that
+    [exit code: 1]
+    ");
+    lab.rmem(&["insert", NS, "{_id: 1, weight: 0}"]).exits(5);
+    assert_run!(lab.rmem(&["coll-mod", NS, "--validation-action", "warn"]), @r"
+    ------- stderr -------
+    [exit code: 0]
+    ");
+    assert_run!(lab.rmem(&["insert", NS, "{_id: 1, weight: 0}"]), @r#"
+    1
+    ------- stderr -------
+    1 stored in robmem.boxes
+    warning: robmem.boxes: the document with _id 1 does not pass the validator of its collection: {"weight":{"$gt":0}} (comparison failed: 0); it is stored
+    [exit code: 0]
+    "#);
+    lab.rmem(&["coll-mod", NS, "--validation-level", "moderate", "--validation-action", "error"]).success();
+    lab.rmem(&["update", NS, "{_id: 1}", "{$set: {name: 'A'}}"]).success();
+    lab.rmem(&["insert", NS, "{_id: 2, weight: 0}"]).exits(5);
+    lab.rmem(&["coll-mod", NS, "--validator", "{weight: {$type: 'string'}}"]).success();
+    lab.rmem(&["insert", NS, "{_id: 2, weight: 'light'}"]).success();
+    assert_run!(lab.rmem(&["collections", "--options"]), @r#"
+    robmem.boxes {"validator":{"weight":{"$type":"string"}},"validationLevel":"moderate","validationAction":"error"}
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+    lab.rmem(&["coll-mod", NS, "--validator", "{}"]).success();
+    lab.rmem(&["insert", NS, "{_id: 3, weight: 0}"]).success();
+    assert_run!(lab.rmem(&["collections", "--options", "--format", "json"]), @r#"
+    [
+      {
+        "ns": "robmem.boxes",
+        "options": {
+          "validationLevel": "moderate",
+          "validationAction": "error"
+        }
+      }
+    ]
+    ------- stderr -------
+    [exit code: 0]
+    "#);
+}
+
+#[test]
+fn a_change_of_a_collection_that_cannot_be_done_says_why() {
+    let lab = boxes(&weighed());
+    let options = || lab.rmem(&["collections", "--options"]).success();
+    let before = options();
+    assert_run!(lab.rmem(&["coll-mod", NS]), @r"
+    ------- stderr -------
+    error: expected what to change: --validator QUERY, --validation-level LEVEL or --validation-action ACTION
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem(&["coll-mod", "robmem.boxs", "--validator", "{}"]), @r"
+    ------- stderr -------
+    error: no collection robmem.boxs; did you mean robmem.boxes?
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["coll-mod", NS, "--validator", "{weight: {$greater: 0}}"]), @r"
+    ------- stderr -------
+    error: <validator>:1:11: unknown operator: $greater
+      |
+    1 | {weight: {$greater: 0}}
+      |           ^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["coll-mod", NS, "--validator", "{$jsonSchema: {required: 'weight'}}"]), @r"
+    ------- stderr -------
+    error: <validator>:1:2: $jsonSchema keyword 'required' must be an array
+      |
+    1 | {$jsonSchema: {required: 'weight'}}
+      |  ^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["create", "robmem.others", "--validator", "{weight: {$near: [0, 0]}}"]), @r"
+    ------- stderr -------
+    error: <validator>:1:11: $geoNear, $near, and $nearSphere are not allowed in this context
+      |
+    1 | {weight: {$near: [0, 0]}}
+      |           ^^^^^
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["create", "robmem.others", "--validator", "weight > 0"]), @r"
+    ------- stderr -------
+    error: <validator>:1:1: expected a value, found `weight`
+      |
+    1 | weight > 0
+      | ^^^^^^
+      = hint: strings are written in quotes
+    [exit code: 3]
+    ");
+    assert_run!(lab.rmem(&["coll-mod", NS, "--validation-level", "loose"]), @r"
+    ------- stderr -------
+    error: invalid value 'loose' for '--validation-level <LEVEL>'
+      [possible values: strict, moderate, off]
+
+    For more information, try '--help'.
+    [exit code: 2]
+    ");
+    assert_eq!(options(), before);
+}

@@ -9,8 +9,8 @@ use crate::memory::Memory;
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, whole};
-use crate::store::validation::{OPTIONS, VALIDATOR};
-use crate::store::{Index, IndexChange, Namespace, Validation, ValidationAction, ValidationLevel, index};
+use crate::store::validation::OPTIONS;
+use crate::store::{Index, IndexChange, Namespace, index};
 
 pub(super) const COMMANDS: &[Command] = &[Command::write("collMod", modify)];
 
@@ -91,20 +91,15 @@ fn modify_validation(memory: &Memory, ns: &Namespace, fields: Fields<'_>) -> Res
     if !OPTIONS.iter().any(|name| is_said(fields, name)) {
         return Ok(());
     }
-    let said = validation(memory, ns, fields).map_err(|failure| match failure.code {
+    validation(memory, ns, fields).map_err(|failure| match failure.code {
         codes::INVALID_OPTIONS => failure,
         _ => {
             let message = format!("Parsing of collection validator failed :: caused by :: {}", failure.message);
             Failure { message, ..failure }
         }
     })?;
-    let before = memory.validation(ns)?.unwrap_or_default();
-    let validation = Validation {
-        validator: if is_said(fields, VALIDATOR) { said.validator } else { before.validator },
-        level: said.level.or(before.level).or(Some(ValidationLevel::Strict)),
-        action: said.action.or(before.action).or(Some(ValidationAction::Error)),
-    };
-    Ok(memory.set_validation(ns, &validation)?)
+    let changed = memory.validation(ns)?.unwrap_or_default().changed(fields.document)?;
+    Ok(memory.set_validation(ns, &changed)?)
 }
 
 /// What is asked of an index that is there.
