@@ -303,6 +303,20 @@ impl Memory {
         Ok(Box::new(results.map(|document| Ok(metadata::hide_within(document?)?))))
     }
 
+    /// Runs a pipeline that only reads; see [`Memory::aggregate`].
+    ///
+    /// # Errors
+    /// Where its last stage writes, or the store fails.
+    pub fn aggregate_reading(&self, ns: &Namespace, stages: &[Document]) -> Result<Documents<'_>, StoreError> {
+        match writing_stage(stages) {
+            Some(name) => {
+                let message = format!("{name} writes, and here a pipeline only reads; `rmem aggregate` runs it");
+                Err(QueryError::bad_value(message).about(name).into())
+            }
+            None => self.aggregate(ns, stages),
+        }
+    }
+
     /// Runs a pipeline whose stages see the metadata, and whose results keep it.
     pub fn aggregate_with_metadata(
         &self,
@@ -318,8 +332,10 @@ impl Memory {
         pipeline: Aggregation<'_>,
         shows_metadata: bool,
     ) -> Result<Documents<'_>, StoreError> {
-        let last = pipeline.stages.last().and_then(|stage| stage.keys().next());
-        let writes = last.is_some_and(|name| name == "$out" || name == "$merge");
+        let writes = writing_stage(pipeline.stages).is_some();
+        if writes {
+            pipeline.stages.iter().try_for_each(metadata::check_stored_stage)?;
+        }
         let asked = computables::questions(ns, pipeline.stages);
         for other in asked.iter().map(|(other, _)| other).chain(&computables::target(ns, pipeline.stages)) {
             self.routes.check_reach(ns, other)?;
@@ -487,6 +503,12 @@ impl Memory {
         };
         self.journal.note("collections", None, |found: &Vec<Namespace>| length(found), work)
     }
+}
+
+/// The last stage of a pipeline, where it stores the results.
+fn writing_stage(stages: &[Document]) -> Option<&str> {
+    let name = stages.last()?.keys().next()?;
+    matches!(name.as_str(), "$out" | "$merge").then_some(name)
 }
 
 /// The filter, for stored documents that have not decayed.

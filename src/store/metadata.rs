@@ -29,9 +29,12 @@ pub(crate) const COMPUTATION: &str = "computation";
 /// The path of the run of a computable that made a document; a stored document has none.
 pub(crate) const TOKEN_PATH: &str = "_robmem_info.computation.token";
 
-/// What rmem's own commands note of a document: where a plan comes from, what
-/// CLIPS makes of its slots, and until when a computed one is good.
-const NOTES: [&str; 5] = ["lineage", "clips", "computed", "cached_until", COMPUTATION];
+/// What rmem's own commands note of a document that is stored as another is: where a plan comes from, and what CLIPS
+/// makes of its slots. What is noted of computed documents goes to the store itself.
+const NOTES: [&str; 2] = ["lineage", "clips"];
+
+/// What every document may have.
+const OWN: [&str; 4] = [INSERTED, UPDATED, PERSISTENT, DECAY];
 
 const RAW_INFO: &CStr = cstr!("_robmem_info");
 
@@ -54,8 +57,9 @@ fn check_info(info: &Document) -> Result<(), QueryError> {
             (PERSISTENT, Bson::Boolean(_)) | (DECAY, Bson::DateTime(_)) | (INSERTED | UPDATED, _) => {}
             (PERSISTENT, _) => return Err(wrong_type(PERSISTENT, "true or false")),
             (DECAY, _) => return Err(wrong_type(DECAY, "a date, like ISODate(\"2030-01-01\")")),
-            (key, _) if NOTES.contains(&key) => {}
-            (key, _) => return Err(reserved(&format!("{INFO}.{key}"))),
+            (key, Bson::Document(_)) if NOTES.contains(&key) => {}
+            (key, _) if NOTES.contains(&key) => return Err(wrong_type(key, "a document")),
+            (key, _) => return Err(reserved(&info_path(key))),
         }
     }
     Ok(())
@@ -70,10 +74,6 @@ pub fn insert(document: &mut Document, at: DateTime) -> Result<(), QueryError> {
     check(document)?;
     match document.get_mut(INFO) {
         Some(Bson::Document(info)) => {
-            // A computed document decays when its cache time is over.
-            if let (None, Some(Bson::DateTime(until))) = (info.get(DECAY), info.get("cached_until")) {
-                info.insert(DECAY, *until);
-            }
             info.remove(UPDATED);
             info.insert(INSERTED, at);
         }
@@ -108,6 +108,41 @@ pub fn check_update(update: &UpdateSpec) -> Result<(), QueryError> {
     }
 }
 
+/// Checks the metadata that a stage of a pipeline whose results are stored gives them as it is written. What it gives
+/// by expressions is not seen here.
+///
+/// # Errors
+/// Where that is not the application's.
+pub(crate) fn check_stored_stage(stage: &Document) -> Result<(), QueryError> {
+    let Some((name, argument)) = stage.iter().next() else { return Ok(()) };
+    let fields = match (name.as_str(), argument) {
+        ("$set" | "$addFields" | "$project" | "$replaceWith", Bson::Document(fields)) => fields,
+        ("$replaceRoot", Bson::Document(root)) => match root.get("newRoot") {
+            Some(Bson::Document(fields)) => fields,
+            _ => return Ok(()),
+        },
+        _ => return Ok(()),
+    };
+    let names = fields.iter().flat_map(|(path, value)| match (path.strip_prefix(INFO), value) {
+        (Some(""), Bson::Document(info)) => info.keys().map(String::as_str).collect(),
+        (Some(rest), _) => rest.split('.').nth(1).into_iter().collect::<Vec<_>>(),
+        (None, _) => Vec::new(),
+    });
+    let is_allowed = |name: &&str| name.starts_with('$') || OWN.contains(name) || NOTES.contains(name);
+    match names.into_iter().find(|name| !is_allowed(name)) {
+        Some(name) => Err(reserved(&info_path(name))),
+        None => Ok(()),
+    }
+}
+
+/// The same of a document that a pipeline made.
+///
+/// # Errors
+/// As [`check`].
+pub(crate) fn check_result(document: &RawDocument) -> Result<(), QueryError> {
+    check_info(&info(document)?)
+}
+
 /// A stage that names fields names none of the memory's.
 fn check_stage(stage: &Document) -> Result<(), QueryError> {
     let Some((name, argument)) = stage.iter().next() else { return Ok(()) };
@@ -117,6 +152,7 @@ fn check_stage(stage: &Document) -> Result<(), QueryError> {
         ("$unset", Bson::Array(paths)) => {
             paths.iter().filter_map(Bson::as_str).try_for_each(|path| check_path(path, None))
         }
+        ("$project" | "$replaceWith" | "$replaceRoot", _) => check_stored_stage(stage),
         _ => Ok(()),
     }
 }
@@ -258,6 +294,11 @@ pub(crate) fn is_computed(document: &RawDocument) -> Result<bool, QueryError> {
     let info = document.get(INFO)?.and_then(|info| info.as_document());
     let computed = info.map(|info| info.get("computed")).transpose()?.flatten();
     Ok(computed == Some(RawBsonRef::Boolean(true)))
+}
+
+/// The same of a document that is read already.
+pub(crate) fn says_computed(document: &Document) -> bool {
+    document.get_document(INFO).is_ok_and(|info| info.get_bool("computed").unwrap_or(false))
 }
 
 /// Removes the dates at which the document was inserted and updated.

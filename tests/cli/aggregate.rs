@@ -312,3 +312,30 @@ fn a_collection_describes_itself() {
     [exit code: 3]
     "#);
 }
+
+#[test]
+fn what_is_stored_is_never_taken_for_computed() {
+    let lab = with_equal_documents();
+    let of_rmem = "is rmem's; an application may set _robmem_info.persistent and _robmem_info.decay_time";
+    for (command, rest) in [
+        ("insert", &["{_id: 9, _robmem_info: {computed: true}}"][..]),
+        ("insert", &["{_id: 9, _robmem_info: {cached_until: ISODate('2001-01-01')}}"]),
+        ("update", &["{_id: 1}", "{b: 2, _robmem_info: {computed: true}}", "--replace"]),
+        ("update", &["{_id: 1}", "{$rename: {room: '_robmem_info.computed'}}"]),
+        ("update", &["{_id: 1}", "[{$replaceWith: {_id: 1, _robmem_info: {computed: true}}}]"]),
+        ("aggregate", &["[{$set: {_robmem_info: {computed: true}}}, {$out: 'made'}]"]),
+        ("aggregate", &["[{$set: {'_robmem_info.computation': 1}}, {$merge: 'made'}]"]),
+    ] {
+        let refused = lab.rmem(&[&[command, "robmem.cups"], rest].concat()).exits(3);
+        assert!(refused.stderr.contains(of_rmem), "{refused}");
+    }
+    assert!(!lab.rmem(&["collections"]).success().contains("made"));
+    // Where an expression makes it, it is seen only when it is stored.
+    let made = "{$replaceWith: {$mergeObjects: ['$$ROOT', {_robmem_info: {computed: true}}]}}";
+    lab.rmem(&["update", "robmem.cups", "{_id: 1}", &format!("[{made}]")]);
+    lab.rmem(&["aggregate", "robmem.cups", &format!("[{made}, {{$out: 'made'}}]")]);
+    lab.rmem(&["aggregate", "robmem.cups", &format!("[{made}, {{$merge: 'made'}}]")]);
+    for name in ["robmem.cups", "robmem.made"] {
+        assert_eq!(lab.rmem(&["count", name, "{'_robmem_info.computed': true}"]).success(), "0\n", "{name}");
+    }
+}

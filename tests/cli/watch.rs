@@ -4,6 +4,8 @@ use std::io::Read as _;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use rmem::store::{Embedded, Namespace, Store as _};
+
 use crate::lab::watch::{TIMEOUT, Watch};
 use crate::lab::{Lab, assert_run};
 
@@ -92,7 +94,11 @@ fn metadata_and_computed_documents_are_shown_when_asked_for() {
     let lab = Lab::new();
     let plain = start(&lab, &["a.b"]);
     let all = start(&lab, &["a.b", "--meta", "--computed"]);
-    lab.rmem(&["insert", "a.b", "{_id: 1, _robmem_info: {computed: true}}", "{_id: 2}"]).success();
+    let info = bson::doc! { "computed": true, "inserted": bson::DateTime::now() };
+    let computed = vec![bson::doc! { "_id": 1, "_robmem_info": info }];
+    let store = Embedded::open(lab.path().join("home/.local/share/rmem/memory.rmem")).unwrap();
+    store.insert(&Namespace::parse("a.b").unwrap(), computed).unwrap();
+    lab.rmem(&["insert", "a.b", "{_id: 2}"]).success();
     assert_eq!(plain.next(), r#"{"operation":"insert","ns":"a.b","_id":2,"after":{"_id":2}}"#);
     assert!(all.next().contains(r#""after":{"_id":1,"_robmem_info":{"computed":true,"inserted":"#));
     assert!(all.next().contains(r#""after":{"_id":2,"_robmem_info":{"inserted":"#));

@@ -867,10 +867,19 @@ fn what_the_memory_notes_cannot_be_changed(store: &dyn Store, ns: &Namespace) {
         doc! { "$rename": { "_robmem_info.inserted": "a" } },
         doc! { "$currentDate": { "_robmem_info.updated": true } },
         doc! { "_robmem_info": { "persistent": 3 } },
+        doc! { "b": 1, "_robmem_info": { "computed": true } },
+        doc! { "$set": { "_robmem_info.cached_until": instant(9) } },
+        doc! { "$rename": { "a": "_robmem_info.computation" } },
+        doc! { "$set": { "_robmem_info.lineage": 3 } },
     ] {
         assert!(store.update(ns, &update(doc! {}, change.clone()), Some(instant(5))).is_err(), "{change}");
     }
-    for stage in [doc! { "$set": { "_robmem_info": 1 } }, doc! { "$unset": "_robmem_info.inserted" }] {
+    for stage in [
+        doc! { "$set": { "_robmem_info": 1 } },
+        doc! { "$unset": "_robmem_info.inserted" },
+        doc! { "$replaceWith": { "_id": 1, "_robmem_info": { "computed": true } } },
+        doc! { "$project": { "a": 1, "_robmem_info.computation.token": "x" } },
+    ] {
         let request = UpdateRequest { update: UpdateSpec::Pipeline(vec![stage.clone()]), ..update(doc! {}, doc! {}) };
         assert!(store.update(ns, &request, Some(instant(5))).is_err(), "{stage}");
     }

@@ -154,11 +154,7 @@ impl Side {
 }
 
 fn read(part: &Part) -> Result<impl Iterator<Item = Result<Keyed, DiffError>> + '_, DiffError> {
-    Ok(part.documents()?.filter_map(|document| match document {
-        Ok(document) if is_computed(&document) => None,
-        Ok(document) => Some(encode(document).and_then(keyed).map_err(DiffError::from)),
-        Err(error) => Some(Err(error.into())),
-    }))
+    Ok(part.documents()?.map(|document| Ok(encode(document?).and_then(keyed)?)))
 }
 
 fn is_ordered(part: &Part) -> Result<bool, DiffError> {
@@ -182,10 +178,6 @@ fn in_order(parts: &[&Part]) -> Result<Vec<Keyed>, DiffError> {
     }
     documents.sort_by(|(a, _), (b, _)| a.cmp(b));
     Ok(documents)
-}
-
-fn is_computed(document: &Document) -> bool {
-    document.get_document(metadata::INFO).is_ok_and(|info| info.get_bool("computed").unwrap_or(false))
 }
 
 /// The document as a store would keep it: its `_id` first.

@@ -9,7 +9,7 @@ use super::output::{check_merged, named};
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
 use crate::query::{Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
-use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError};
+use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError, metadata};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
 const PIECE: usize = 256;
@@ -53,9 +53,13 @@ impl Embedded {
         let mut results = Spool::new(&Spill::default());
         for result in if is_scored { unscored(found) } else { found } {
             let result = result?;
-            if let Some(Output::Merge(merge)) = pipeline.output() {
-                check_merged(merge, &result)?;
-            }
+            match pipeline.output() {
+                Some(Output::Merge(merge)) => {
+                    check_merged(merge, &result).and_then(|()| metadata::check_result(&result))
+                }
+                Some(Output::Out(_)) => metadata::check_result(&result),
+                None => Ok(()),
+            }?;
             results.push(&result)?;
         }
         let results = results.read()?.map(|result| Ok(result?));

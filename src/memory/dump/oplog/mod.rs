@@ -18,7 +18,7 @@ use super::read::Log;
 use crate::formats::mongodump::Damage;
 use crate::memory::Memory;
 use crate::query::{Filter, QueryError, Update};
-use crate::store::{Find, Namespace, StoreError, index};
+use crate::store::{Find, Namespace, StoreError, index, metadata};
 use entry::{Operation, Operations};
 
 /// What an oplog would change.
@@ -89,6 +89,7 @@ impl From<QueryError> for Problem {
 
 fn one(memory: &Memory, ns: &Namespace, operation: Operation, without: &mut Vec<String>) -> Result<(), Problem> {
     match operation {
+        Operation::Insert(document) if metadata::says_computed(&document) => {}
         Operation::Insert(document) => drop(memory.put(ns, undated(vec![document]))?),
         Operation::Update(id, change) => {
             if let Some(document) = updated(memory, ns, id, &change)? {

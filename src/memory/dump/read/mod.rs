@@ -23,7 +23,7 @@ use crate::formats::Source;
 use crate::formats::mongodump::{self, Archive, Archived, CollectionKind, Damage, MAGIC, Metadata, decode_document};
 use crate::input::decode;
 use crate::query::{Collation, QueryError, Validator, key};
-use crate::store::{Index, Namespace, Validation, document};
+use crate::store::{Index, Namespace, Validation, document, metadata};
 use file::{entries, is_oplog, metadata_of, namespace, read_metadata, stem, unpacked};
 
 /// The bytes with which a file of SQLite begins (its documentation, "Database File Format", section 1.3.1).
@@ -356,21 +356,24 @@ impl Part {
 
     /// The documents from the beginning, each well-formed and such that it can be stored.
     ///
+    /// What a computable made is left out.
+    ///
     /// # Errors
     /// Where the file cannot be opened.
     pub fn documents(&self) -> Result<Checked<'_>, ReadError> {
-        match &self.content {
+        let documents: Checked<'_> = match &self.content {
             Content::WorldFile(world, namespace, _) => {
                 let documents = world.documents(namespace).map_err(WorldError::from)?;
-                Ok(Box::new(documents.map(|read| read.map_err(|error| WorldError::from(error).into()))))
+                Box::new(documents.map(|read| read.map_err(|error| WorldError::from(error).into())))
             }
-            Content::File(path) => Ok(self.checked(path, mongodump::Documents::new(unpacked(path)?))),
+            Content::File(path) => self.checked(path, mongodump::Documents::new(unpacked(path)?)),
             Content::Archived(path, database, collection) => {
                 let archive = Archive::open(unpacked(path)?)
                     .map_err(|damage| ReadError::Damaged { path: path.clone(), damage })?;
-                Ok(self.checked(path, archive.documents(database, collection)))
+                self.checked(path, archive.documents(database, collection))
             }
-        }
+        };
+        Ok(Box::new(documents.filter(|read| !read.as_ref().is_ok_and(metadata::says_computed))))
     }
 
     /// The documents, where each is well-formed and can be stored.
