@@ -212,7 +212,7 @@ fn take(args: &PlotArgs, fields: &Fields, kind: Kind, memory: &Memory) -> Result
     let given = [("<pipeline>", args.pipeline.as_str())];
     let documents = if args.pipeline.trim_start().starts_with('[') {
         let stages: Vec<Document> = shell::parse_pipeline(&Source::new("<pipeline>", args.pipeline.as_str()))?;
-        memory.aggregate(&args.namespace, &stages)
+        memory.aggregate_reading(&args.namespace, &stages)
     } else {
         let filter = argument("<pipeline>", &args.pipeline)?;
         memory.find(&args.namespace, &Find { filter, ..Find::default() })

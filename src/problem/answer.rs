@@ -93,7 +93,7 @@ impl Answerer {
                 Question::Find(ns, find) => memory.find_to_hide(&ns, &find).map(|(documents, has_hidden)| {
                     keep(Open { documents, has_hidden, given: 0, ready: None }, &mut cursors, &mut opened)
                 }),
-                Question::Aggregate(ns, pipeline) => memory.aggregate(&ns, &pipeline).map(|documents| {
+                Question::Aggregate(ns, pipeline) => memory.aggregate_reading(&ns, &pipeline).map(|documents| {
                     keep(Open { documents, has_hidden: false, given: 0, ready: None }, &mut cursors, &mut opened)
                 }),
                 Question::Next(number) => {

@@ -1144,3 +1144,29 @@ fn a_marker_with_a_query_of_the_wrong_kind_gets_its_bars() {
     let bare = refused("<<#ONT{is: 'on'}>>x<</ONT>>");
     assert!(bare.contains("expected `|` before the query, found `{`") && !bare.contains('\\'), "{bare}");
 }
+
+#[test]
+fn a_template_only_reads() {
+    let lab = Lab::new();
+    lab.write("out.j2", r#"{% for m in aggregate("robmem.worldmodel", "[{$out: 'copied'}]") %}{% endfor %}"#);
+    lab.write("merge.pddl", "(define (problem p) (:init <<#A||[{$match: {}}, {$merge: 'copied'}]>>(x)<</A>>))");
+    assert_run!(lab.rmem(&["gen-problem", "-t", "out.j2"]), @r#"
+    ------- stderr -------
+    error: out.j2:1:13: $out writes, and here a pipeline only reads; `rmem aggregate` runs it
+      |
+    1 | {% for m in aggregate("robmem.worldmodel", "[{$out: 'copied'}]") %}{% endfor %}
+      |             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    "#);
+    assert_run!(lab.rmem(&["gen-problem", "-t", "merge.pddl"]), @r"
+    ------- stderr -------
+    error: merge.pddl:1:34: $merge writes, and here a pipeline only reads; `rmem aggregate` runs it
+      |
+    1 | (define (problem p) (:init <<#A||[{$match: {}}, {$merge: 'copied'}]>>(x)<</A>>))
+      |                                  ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    [exit code: 3]
+    ");
+    let plot = ["plot", "robmem.worldmodel", "[{$out: 'copied'}]", "--x", "a", "--y", "b", "-o", "p.svg"];
+    lab.rmem(&plot).exits(3);
+    assert!(!lab.rmem(&["collections"]).success().contains("copied"));
+}

@@ -216,7 +216,7 @@ impl<'a> Expander<'a> {
                 let pipeline = shell::parse_pipeline_in(template, query.span).map_err(cut_short)?;
                 let pipeline = pipeline.into_iter().map(|stage| filled(stage, self.request, query.span));
                 let pipeline = pipeline.collect::<Result<Vec<_>, _>>()?;
-                (doc! { "pipeline": pipeline.clone() }, self.memory.aggregate(ns, &pipeline))
+                (doc! { "pipeline": pipeline.clone() }, self.memory.aggregate_reading(ns, &pipeline))
             }
         };
         let documents = answer.map_err(|error| self.failed(section, error))?;
