@@ -7,6 +7,7 @@
 
 pub mod clips;
 pub mod command_line;
+pub mod credentials;
 pub mod csv;
 pub mod diagnostic;
 pub mod marker;

@@ -17,7 +17,7 @@ use super::host::{Host, Limits};
 use super::job::{self, INPUT, Job, Mode};
 use super::message::{Message, Usage};
 use super::pool::Share;
-use super::reading::{Reading, files};
+use super::reading::{Printed, Reading, files};
 use super::stale_files;
 use super::supervisor::GRACE;
 use super::usage;
@@ -46,8 +46,8 @@ pub(super) struct Supervisor {
 
 /// What a program left.
 pub(super) struct Left {
-    pub(super) stdout: String,
-    pub(super) stderr: String,
+    pub(super) stdout: Printed,
+    pub(super) stderr: Printed,
     /// The wanted files, in their order.
     pub(super) files: Vec<Source>,
     /// Why reading was cut off, where it was.

@@ -38,7 +38,7 @@ impl Reading<'_> {
 
     /// The first `limit` bytes of a file in the run's directory. What is not a file of its own
     /// there has no text: a pipe, a device, a link that leads out.
-    pub(super) fn text(&self, directory: &Path, name: &str, limit: u64) -> Option<String> {
+    pub(super) fn text(&self, directory: &Path, name: &str, limit: u64) -> Option<Printed> {
         let path = directory.join(name).canonicalize().ok()?;
         if !path.starts_with(directory.canonicalize().ok()?) {
             return None;
@@ -51,7 +51,28 @@ impl Reading<'_> {
         }
         let (mut file, mut bytes) = (file.take(limit), Vec::new());
         while self.over().is_none() && file.by_ref().take(PIECE as u64).read_to_end(&mut bytes).ok()? > 0 {}
-        Some(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+        Some(Printed::from(bytes))
+    }
+}
+
+/// What a program wrote, as text.
+#[derive(Debug, Default)]
+pub(super) struct Printed {
+    /// With marks for what is not UTF-8.
+    pub(super) text: String,
+    /// How many bytes lie before the first of those marks, where there is one.
+    pub(super) garbled: Option<usize>,
+}
+
+impl From<Vec<u8>> for Printed {
+    fn from(bytes: Vec<u8>) -> Self {
+        match String::from_utf8(bytes) {
+            Ok(text) => Self { text, garbled: None },
+            Err(error) => Self {
+                text: String::from_utf8_lossy(error.as_bytes()).into_owned(),
+                garbled: Some(error.utf8_error().valid_up_to()),
+            },
+        }
     }
 }
 
@@ -62,8 +83,8 @@ pub(super) fn files(directory: &Path, reading: &Reading<'_>, wanted: fn(&str) ->
     let mut names: Vec<(u64, String)> = names.filter_map(|name| Some((wanted(&name)?, name))).collect();
     names.sort();
     let texts = names.into_iter().filter_map(|(_, name)| {
-        let text = reading.text(directory, &name, LARGEST_FILE)?;
-        Some(Source::new(name, text))
+        let printed = reading.text(directory, &name, LARGEST_FILE)?;
+        Some(Source::new(name, printed.text))
     });
     texts.collect()
 }

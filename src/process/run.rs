@@ -25,6 +25,8 @@ const SAMPLE: u64 = 64 << 10;
 pub(crate) struct Ended {
     pub(crate) end: End,
     pub(crate) stdout: String,
+    /// How many bytes of its standard output lie before what is not UTF-8, and stands there as a mark; none where all is.
+    pub(crate) garbled: Option<usize>,
     pub(crate) stderr: String,
     /// The wanted files it left, in their order.
     pub(crate) files: Vec<Source>,
@@ -57,6 +59,7 @@ impl Default for Ended {
         Self {
             end: End::Failed(String::new()),
             stdout: String::new(),
+            garbled: None,
             stderr: String::new(),
             files: Vec::new(),
             wall: Duration::ZERO,
@@ -151,7 +154,7 @@ impl Prepared {
         let most = if end == End::TooMuchOutput { SAMPLE } else { limits.output };
         let Left { stdout, stderr, files, cut } = supervisor.collect(most, &reading, self.wanted);
         let peak = usage.map_or(0, |usage| usage.peak);
-        let ran_out_of_memory = |limit| ran_out_of_memory(&end, [&stdout, &stderr], peak, limit);
+        let ran_out_of_memory = |limit| ran_out_of_memory(&end, [&stdout.text, &stderr.text], peak, limit);
         Ok(Ended {
             wall: started.elapsed(),
             cpu: usage.map(|usage| usage.cpu),
@@ -160,8 +163,9 @@ impl Prepared {
             is_disk_full,
             // Reading that was cut off has its own end; otherwise the program's end counts.
             end: cut.unwrap_or(end),
-            stdout,
-            stderr,
+            stdout: stdout.text,
+            garbled: stdout.garbled,
+            stderr: stderr.text,
             files,
             _supervisor: Some(supervisor),
         })

@@ -9,7 +9,6 @@ pub mod embedded;
 #[cfg(feature = "mongodb")]
 pub mod mongodb;
 
-mod credentials;
 pub(crate) mod document;
 mod error;
 mod file_identity;
@@ -29,7 +28,6 @@ pub mod validation;
 pub mod watch;
 mod write_concern;
 
-pub use credentials::{masked, masked_excerpt};
 pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
 pub use error::StoreError;

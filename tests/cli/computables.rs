@@ -691,3 +691,15 @@ fn documents_that_get_keys_are_chosen_and_worked_on_as_the_collection_or_the_que
     lab.rmem(&objects).success();
     assert_eq!([count(&[]), count(&["--collation", "{locale: 'simple'}"])], ["2\n", "0\n"]);
 }
+
+#[test]
+fn what_a_computable_prints_has_to_be_utf_8() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write(
+        "rmem.toml",
+        "[[computable]]\nname = \"utf\"\ncollection = \"a.b\"\nspec = \"{utf: 1}\"\n\
+         command = [\"printf\", \"{utf: 1}\\\\n{utf: 1, a: \\\"\\\\377\\\"}\\\\n\"]\n",
+    );
+    let refused = lab.rmem(&["query", "a.b", "{utf: 1}"]).exits(3);
+    assert!(refused.stderr.contains("2:14: expected UTF-8 text, found invalid UTF-8"), "{refused}");
+}

@@ -13,7 +13,8 @@ use std::time::Duration;
 use bson::{Document, RawDocumentBuf};
 
 use super::body::{Asked, Body, ComputeError};
-use crate::formats::{Source, shell};
+use crate::formats::credentials::masked_message;
+use crate::formats::{Diagnostic, Source, Span, shell};
 use crate::process::{self, End, Ended, Host, INPUT, Job, Limits, Mode};
 use crate::query::QueryError;
 use crate::store::{Namespace, metadata};
@@ -43,7 +44,7 @@ impl Body for Command {
     }
 
     fn describe(&self) -> String {
-        format!("command `{}` in {}, at most {:?}", self.words.join(" "), self.folder.display(), self.timeout)
+        format!("command `{}` in {}, at most {:?}", self.line(), self.folder.display(), self.timeout)
     }
 
     fn timeout(&self) -> Option<Duration> {
@@ -86,9 +87,14 @@ impl Command {
         }
     }
 
+    /// The command for messages.
+    fn line(&self) -> String {
+        masked_message(&self.words.join(" ")).into_owned()
+    }
+
     /// The documents that it printed, or what is wrong.
     fn read(&self, ended: &Ended) -> Result<Vec<Document>, ComputeError> {
-        let message = |wrong: &str| format!("its command `{}` {wrong}{}", self.words.join(" "), tail(&ended.stderr));
+        let message = |wrong: &str| format!("its command `{}` {wrong}{}", self.line(), tail(&ended.stderr));
         let wrong = match &ended.end {
             End::Exited(0) => None,
             End::Exited(code) => Some(format!("failed with exit code {code}")),
@@ -113,7 +119,12 @@ impl Command {
             return Err(ComputeError::Failed(message(&wrong)));
         }
         let output = Source::new("its output", ended.stdout.as_str());
-        shell::parse_documents(&output)
+        let garbled = ended.garbled.map(|place| {
+            let mark = Span::new(place, place + char::REPLACEMENT_CHARACTER.len_utf8());
+            Diagnostic::new(&output, mark, "expected UTF-8 text, found invalid UTF-8")
+        });
+        garbled
+            .map_or_else(|| shell::parse_documents(&output), Err)
             .map(|documents| documents.into_iter().map(|(_, document)| document).collect())
             .map_err(|complaint| {
                 let wrong = message(&format!("did not print documents, one a line\n{complaint}"));

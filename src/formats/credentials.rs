@@ -1,5 +1,6 @@
 //! Credentials in texts that may be URIs of stores: never shown.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Returns which part of a text may be credentials: what lies between the scheme and the last `@`.
@@ -51,13 +52,13 @@ fn secret_port(text: &str) -> Option<Range<usize>> {
 }
 
 /// What lies between credentials and path or options.
-pub(super) fn hosts(rest: &str) -> &str {
+pub(crate) fn hosts(rest: &str) -> &str {
     let behind = rest.rsplit_once('@').map_or(rest, |(_, behind)| behind);
     behind.split(['/', '?']).next().unwrap_or_default()
 }
 
 /// Whether every host has a number for a port, or none.
-pub(super) fn has_ports(hosts: &str) -> bool {
+pub(crate) fn has_ports(hosts: &str) -> bool {
     let is_port = |port: &str| port.parse::<u16>().is_ok();
     hosts.split(',').all(|host| match host.rsplit_once(':') {
         // An IPv6 address in brackets has colons of its own.
@@ -81,10 +82,37 @@ pub fn masked_excerpt(text: &str) -> String {
     shown
 }
 
+/// Returns a text of the same length with `*` for the credentials of each URI in it that names its scheme: for messages and
+/// commands, which may repeat what a user wrote anywhere.
+#[must_use]
+pub fn masked_message(text: &str) -> Cow<'_, str> {
+    if !text.contains("://") {
+        return Cow::Borrowed(text);
+    }
+    let is_end = |c: char| c.is_whitespace() || "\"'`".contains(c);
+    let mut shown = String::with_capacity(text.len());
+    for part in text.split_inclusive(is_end) {
+        let Range { start, end } = user_info(part.strip_suffix(is_end).unwrap_or(part)).unwrap_or_default();
+        shown.extend([&part[..start], &"*".repeat(end - start), &part[end..]]);
+    }
+    Cow::Owned(shown)
+}
+
+/// How messages write the credentials that a URI may have.
+const FORM: &str = "USER:PASSWORD";
+
+/// Which part of a word is the user and the password of a URI. Those of MongoDB may have signs in them that a URI has not.
+fn user_info(word: &str) -> Option<Range<usize>> {
+    let start = word.find("://")? + 3;
+    let rest = &word[start..];
+    let end = if names_server(word) { rest.rfind('@') } else { rest.split('/').next()?.rfind('@') };
+    end.filter(|end| rest[..*end] != *FORM).map(|end| start..start + end)
+}
+
 /// Returns a URI without its credentials.
 #[cfg(any(feature = "mongodb", test))]
 #[must_use]
-pub(super) fn removed(uri: &str) -> String {
+pub(crate) fn removed(uri: &str) -> String {
     match secret(uri) {
         None => uri.to_owned(),
         Some(Range { start, end }) => format!("{}{}", &uri[..start], &uri[end + 1..]),
@@ -107,6 +135,21 @@ mod tests {
             ("mongodb://robot:s3cret", "mongodb://robot:…"),
         ] {
             assert_eq!(masked(text), shown);
+        }
+    }
+
+    #[test]
+    fn a_message_shows_no_user_and_no_password_of_a_uri() {
+        for (text, shown) in [
+            ("cannot read mongodb://u:s3cret@h:1: it", "cannot read mongodb://********@h:1: it"),
+            ("`mongodb://u:a/b@h` is not", "`mongodb://*****@h` is not"),
+            ("sh -c x http://u:p@h/a@b {plan}", "sh -c x http://***@h/a@b {plan}"),
+            ("package://robot/mesh@2.dae", "package://robot/mesh@2.dae"),
+            ("(at box:1@room)", "(at box:1@room)"),
+            ("mongodb://h/?w=1", "mongodb://h/?w=1"),
+            ("expected mongodb://USER:PASSWORD@HOST:PORT", "expected mongodb://USER:PASSWORD@HOST:PORT"),
+        ] {
+            assert_eq!(masked_message(text), shown);
         }
     }
 
