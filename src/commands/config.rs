@@ -7,6 +7,7 @@ use super::context::parse_uri;
 use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::formats::credentials::masked_message;
 use crate::formats::{quantity, shell};
 use crate::output::Format;
 use crate::saturate::to_i64;
@@ -47,8 +48,9 @@ pub(super) fn run(_: &ConfigArgs, context: &mut Context<'_>) -> Result<Exit> {
         row(format!("{key} = {most}"), &key, Some(to_i64(*most)), None)
     }));
     rows.extend(settings.planners.iter().map(|planner| {
-        let line = format!("planner.{} = {:?}", planner.name, planner.command);
-        row(line, &format!("planner.{}", planner.name), Some(planner.command.clone()), None)
+        let command: Vec<_> = planner.command.iter().map(|word| masked_message(word).into_owned()).collect();
+        let line = format!("planner.{} = {command:?}", planner.name);
+        row(line, &format!("planner.{}", planner.name), Some(command), None)
     }));
     rows.extend(settings.backends.iter().map(|backend| {
         let value = format!("{} in {}", backend.address(), backend.path.display());

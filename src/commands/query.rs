@@ -159,7 +159,9 @@ pub(super) fn argument(name: &'static str, text: &str) -> Result<bson::Document,
     shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays).map_err(|error| match in_braces(
         text,
         name == "<query>",
-    ) {
+    )
+    .filter(|_| !text.contains("://"))
+    {
         Some(document) => error.without_hints().hint(format!("a document is written in braces: {document}")),
         None => error,
     })

@@ -13,6 +13,7 @@ use indicatif::ProgressBar;
 
 use crate::error::{Error, Result};
 use crate::fault::{AtFault, Fault};
+use crate::formats::credentials::masked_message;
 use crate::formats::{plain, visible};
 pub use file::Pending;
 use file::write_atomically;
@@ -260,7 +261,9 @@ impl<'a> Output<'a> {
     fn print(&mut self, label: &str, text: &str) {
         let gap = if label.is_empty() { "" } else { " " };
         let stderr = &mut self.stderr;
-        let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(&plain::words(text))));
+        let shown = plain::words(text);
+        let shown = masked_message(&shown);
+        let _ = above(self.bar.as_ref(), || writeln!(stderr, "{label}{gap}{}", visible::lines(&shown)));
     }
 
     /// Writes a product to a file, whole or not at all, or to a standard stream where that is named.

@@ -15,6 +15,7 @@ use super::run::Run;
 use super::spelling::spelled;
 use super::task::Task;
 use crate::formats::Source;
+use crate::formats::credentials::masked_message;
 use crate::formats::pddl::portable::{self, Sent};
 use crate::formats::plan::Transcript;
 use crate::process::{End, Ended, Host, Job, Limits, Mode, Prepared, Share};
@@ -186,7 +187,7 @@ fn report(
     let shown = |(index, word): (usize, &OsString)| match index {
         // The program by its name: a stored plan does not record where it is installed.
         0 => Path::new(word).file_name().unwrap_or(word).to_string_lossy().into_owned(),
-        _ => word.to_string_lossy().into_owned(),
+        _ => masked_message(&word.to_string_lossy()).into_owned(),
     };
     let run = Run {
         is_proven: outcome == Outcome::Unsolvable && planner.is_own(),

@@ -8,13 +8,14 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{computable, history, scene};
+use crate::formats::credentials::masked_excerpt;
 use crate::formats::{Diagnostic, Source, Span, nearest, plain};
 use crate::memory::computables::Definition;
 use crate::output::Format;
 use crate::pddl::Feature;
 use crate::planner::{Configured, Dialect};
 use crate::scene::ObjectKind;
-use crate::store::{HistoryRule, Namespace, StoreUri, masked_excerpt};
+use crate::store::{HistoryRule, Namespace, StoreUri};
 
 use super::backend::{Backend, Tables};
 

@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::fault::{AtFault, Fault};
+use crate::formats::credentials::{has_ports, hosts, masked};
 
-use super::credentials::{has_ports, hosts, masked};
 use super::{Embedded, Store, StoreError};
 
 /// The address of a store. Its `Display` (and `Debug`) shows no credentials.

@@ -233,3 +233,51 @@ fn the_kinds_of_objects_in_scenes_are_printed() {
     let shown = lab.rmem(&["config", "--format", "json"]).success();
     assert!(shown.contains(r#""key":"scene.object.cup""#) || shown.contains(r#""key": "scene.object.cup""#), "{shown}");
 }
+
+#[test]
+fn credentials_in_a_command_or_a_path_are_not_shown_and_not_stored() {
+    let uri = "mongodb://robot:s3cret@127.0.0.1:1/db";
+    let lab = Lab::new().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.write(
+        "rmem.toml",
+        &format!(
+            "[planner.db]\ncommand = [\"sh\", \"-c\", \"exit 3\", \"x\", \"{uri}\", \"{{domain}}\", \"{{problem}}\"]\n\
+             [[computable]]\nname = \"c\"\ncollection = \"a.b\"\nspec = \"{{c: 1}}\"\ncommand = [\"sh\", \"-c\", \"exit 3\", \"{uri}\"]\n"
+        ),
+    );
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1}"]).success();
+    let domain = "domains/blocksworld/domain.pddl";
+    lab.rmem(&[
+        "gen-problem",
+        "--load",
+        "fixtures/blocksworld.json",
+        "-t",
+        "templates/blocksworld/problem.pddl.j2",
+        "-o",
+        "p.pddl",
+        "--goal",
+        "(on A B)",
+    ])
+    .success();
+    for line in [
+        &["plan", "-d", domain, "-p", "p.pddl", "--planner", "db"][..],
+        &["query", "robmem.plans", "--meta"],
+        &["plan", "why", "last"],
+        &["config"],
+        &["computables"],
+        &["query", "a.b", "{c: 1}"],
+        &["doctor"],
+        &["restore", uri],
+        &["backup", uri],
+        &["dump", "a.b", "-o", uri],
+        &["query", uri],
+        &["query", "a.b", uri],
+        &["query", "a.b", "--config", uri],
+    ] {
+        let run = lab.rmem(line);
+        assert!(!run.stdout.contains("s3cret") && !run.stderr.contains("s3cret"), "{line:?}: {run}");
+    }
+    lab.write("ns.toml", &format!("collection = \"{uri}\"\n"));
+    let run = lab.rmem(&["--config", "ns.toml", "config"]);
+    assert!(!run.stderr.contains("s3cret"), "{run}");
+}

@@ -11,7 +11,7 @@ use mongodb::sync::{Client, Collection};
 
 use super::write_policy::WritePolicy;
 use super::{MongoDb, failure};
-use crate::store::credentials;
+use crate::formats::credentials;
 use crate::store::uri::Role;
 use crate::store::{Namespace, StoreError};
 
