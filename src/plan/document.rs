@@ -87,16 +87,20 @@ pub fn failure(outcome: &str, layout: Layout) -> Document {
 fn numbered(plan: &Plan, domain: &Domain, value: &dyn Fn(&str) -> Bson) -> Document {
     let mut document = doc! { "plan": "success" };
     for (index, step) in plan.steps.iter().enumerate() {
-        let parameters = parameters(domain, &step.action);
         let mut entry = doc! { "action": &step.action };
-        for (place, argument) in step.arguments.iter().enumerate() {
-            let key = parameters.get(place).cloned().unwrap_or_else(|| format!("arg{}", place + 1));
-            entry.insert(unused(&entry, key), value(argument));
-        }
+        name_arguments(&mut entry, &parameters(domain, &step.action), step.arguments.iter().map(|name| value(name)));
         times(&mut entry, step, ["_start", "_duration"]);
         document.insert((index + 1).to_string(), entry);
     }
     document
+}
+
+/// Adds the arguments of a step by the names of its action's parameters; by `arg1`, … where those are not known.
+pub(super) fn name_arguments(entry: &mut Document, parameters: &[String], values: impl Iterator<Item = Bson>) {
+    for (place, value) in values.enumerate() {
+        let key = parameters.get(place).cloned().unwrap_or_else(|| format!("arg{}", place + 1));
+        entry.insert(unused(entry, key), value);
+    }
 }
 
 fn fawkes(plan: &Plan, value: &dyn Fn(&str) -> Bson) -> Document {
@@ -110,7 +114,7 @@ fn fawkes(plan: &Plan, value: &dyn Fn(&str) -> Bson) -> Document {
 }
 
 /// The names of an action's parameters, as keys of a document.
-fn parameters(domain: &Domain, action: &str) -> Vec<String> {
+pub(super) fn parameters(domain: &Domain, action: &str) -> Vec<String> {
     let plain = domain.actions.iter().find(|known| known.name.is(action)).map(|known| &known.parameters);
     let durative = || domain.durative_actions.iter().find(|known| known.name.is(action)).map(|known| &known.parameters);
     let names = plain.or_else(durative).into_iter().flatten().map(|parameter| parameter.name.as_str());

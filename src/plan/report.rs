@@ -10,7 +10,9 @@
 use bson::{Array, Bson, Document, doc};
 
 use super::Record;
+use super::document::{name_arguments, parameters};
 use super::progress::Progress;
+use crate::pddl::Domain;
 use crate::saturate::to_i64;
 
 impl Record {
@@ -61,11 +63,16 @@ impl Record {
 
     fn steps(&self) -> Array {
         let progress = self.progress();
+        let is_listed = self.document.contains_key("actions");
+        let domain = is_listed.then(|| self.source().ok()?.read_domain().ok()).flatten();
         let step = |(index, progress): (usize, &Progress)| {
             let listed = self.document.get_array("actions").ok().and_then(|actions| actions.get(index));
             let numbered = || self.document.get((index + 1).to_string());
             let entry = listed.or_else(numbered).and_then(Bson::as_document);
-            entry.map(|entry| step(index, entry, listed.is_some(), progress))
+            entry.map(|entry| match listed {
+                Some(_) => listed_step(index, entry, domain.as_ref(), progress),
+                None => step(index, entry, progress),
+            })
         };
         progress.iter().enumerate().filter_map(step).map(Bson::Document).collect()
     }
@@ -96,17 +103,33 @@ fn current(word: &str) -> &str {
     }
 }
 
-/// A step of either layout.
-fn step(index: usize, entry: &Document, is_listed: bool, progress: &Progress) -> Document {
-    let (name, start, duration) =
-        if is_listed { ("name", "start", "duration") } else { ("action", "_start", "_duration") };
-    let of = |key: &str| entry.get(key).cloned().unwrap_or(Bson::Null);
-    let arguments = entry.iter().filter(|(key, _)| !is_listed && *key != "action" && !key.starts_with('_'));
+/// A step of the layout of rmem.
+fn step(index: usize, entry: &Document, progress: &Progress) -> Document {
+    let arguments = entry.iter().filter(|(key, _)| *key != "action" && !key.starts_with('_'));
     let args: Document = arguments.map(|(key, value)| (key.clone(), value.clone())).collect();
-    let list = match entry.get_array("args") {
-        Ok(list) if is_listed => list.clone(),
-        _ => args.values().cloned().collect(),
-    };
+    let list: Array = args.values().cloned().collect();
+    described(index, entry, ["action", "_start", "_duration"], (args, list), progress)
+}
+
+/// A step of the layout of Fawkes, which leaves the names of parameters to the domain.
+fn listed_step(index: usize, entry: &Document, domain: Option<&Domain>, progress: &Progress) -> Document {
+    let list = entry.get_array("args").cloned().unwrap_or_default();
+    let parameters = domain.zip(entry.get_str("name").ok()).map(|(domain, action)| parameters(domain.tree(), action));
+    let mut args = doc! { "action": Bson::Null };
+    name_arguments(&mut args, &parameters.unwrap_or_default(), list.iter().cloned());
+    args.remove("action");
+    described(index, entry, ["name", "start", "duration"], (args, list), progress)
+}
+
+/// A step whose action, start and duration are under these keys.
+fn described(
+    index: usize,
+    entry: &Document,
+    [name, start, duration]: [&str; 3],
+    (args, list): (Document, Array),
+    progress: &Progress,
+) -> Document {
+    let of = |key: &str| entry.get(key).cloned().unwrap_or(Bson::Null);
     doc! {
         "index": to_i64(index + 1), "action": of(name), "args": args, "list": list,
         "start": number(&of(start)), "duration": number(&of(duration)), "status": progress.status.word(),
@@ -140,10 +163,14 @@ pub fn reported(number: f64) -> Bson {
     if rounded.fract() == 0.0 && rounded.abs() < 1e15 { Bson::Int64(rounded as i64) } else { Bson::Double(rounded) }
 }
 
-/// Returns a number with at most six decimals: sums of costs have errors beyond them.
+/// Returns a number with at most six decimals, of a small one those that are significant: sums of costs have errors beyond them.
 #[must_use]
 pub fn rounded(number: f64) -> f64 {
-    if number.abs() < 1e9 { (number * 1e6).round() / 1e6 } else { number }
+    match number.abs() {
+        1e9.. => number,
+        1e-9..0.1 => format!("{number:.5e}").parse().unwrap_or(number),
+        _ => (number * 1e6).round() / 1e6,
+    }
 }
 
 #[cfg(test)]
@@ -154,6 +181,8 @@ mod tests {
     fn a_cost_has_at_most_six_decimals() {
         assert_eq!(rounded(11.899999999999999).to_string(), "11.9");
         assert_eq!(rounded(0.1234567).to_string(), "0.123457");
+        assert_eq!(rounded(1.234567891e-7).to_string(), "0.000000123457");
+        assert_eq!(rounded(0.1 + 0.2 - 0.3), 0.0);
         assert_eq!(number(&Bson::Double(12.0)), Bson::Int64(12));
         assert_eq!(number(&Bson::Null), Bson::Null);
     }

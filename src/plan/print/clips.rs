@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::page::{PrintedPlan, slot, symbol};
 use crate::fault::{AtFault, Fault};
 use crate::formats::clips::is_symbol;
+use crate::plan::report::rounded;
 
 /// What a format has no way to write.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -61,7 +62,7 @@ fn arguments(page: &PrintedPlan<'_>, arguments: &[String]) -> Result<String, Pri
 fn fawkes(page: &PrintedPlan<'_>, goal: &str) -> Result<String, PrintError> {
     let (id, goal) = (plan_id(page)?, spelled(symbol(goal))?);
     let mut text = format!("(plan (id {id}) (goal-id {goal})");
-    if let Some(cost) = page.plan.cost {
+    if let Some(cost) = page.plan.cost.map(rounded) {
         let _ = write!(text, " (cost {cost:?})");
     }
     text.push_str(")\n");
@@ -112,7 +113,7 @@ fn cx(page: &PrintedPlan<'_>, instance: &str) -> Result<String, PrintError> {
 fn own(page: &PrintedPlan<'_>) -> Result<String, PrintError> {
     let id = spelled(symbol(page.id))?;
     let mut text = format!("(plan (id {id})");
-    if let Some(cost) = page.plan.cost {
+    if let Some(cost) = page.plan.cost.map(rounded) {
         let _ = write!(text, " (cost {cost:?})");
     }
     text.push_str(")\n");

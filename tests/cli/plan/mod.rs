@@ -81,6 +81,12 @@ fn fawkes_layout_is_an_array_of_actions() {
     let stored = lab.rmem(&["query", "robmem.plans", "{plan: 1}"]).success();
     let document: Value = serde_json::from_str(stored.trim()).unwrap();
     assert!(document["actions"][0]["name"].is_string() && document["actions"][0]["args"].is_array(), "{stored}");
+    // An executive reads the same steps as of the other layout.
+    let steps = |text: String| serde_json::from_str::<Value>(&text).unwrap()["steps"].clone();
+    let other = steps(plan(&lab, &["-q", "--no-store", "--format", "json"]).success());
+    assert!(other[0]["args"].as_object().is_some_and(|args| !args.is_empty()), "{other}");
+    assert_eq!(steps(lab.rmem(&["plan", "show", "last", "--format", "json"]).success()), other);
+    assert_eq!(steps(plan(&lab, &["-q", "--no-store", "--layout", "fawkes", "--format", "json"]).success()), other);
 }
 
 #[test]
