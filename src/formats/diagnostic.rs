@@ -5,6 +5,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use unicode_width::UnicodeWidthChar as _;
+
 use super::source::{Source, Span};
 use crate::fault::{AtFault, Fault};
 
@@ -51,7 +53,7 @@ enum Kind {
     Unterminated,
 }
 
-/// The part of the source line that is shown, and where the caret goes in it.
+/// The part of the source line that is shown, and where the carets go below it: in columns of a terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Excerpt {
     text: String,
@@ -276,12 +278,17 @@ impl Excerpt {
             .collect();
         let cut_left = skipped > 0;
         let offset = before - skipped;
-        Self {
-            text: if cut_left { format!("…{shown}") } else { shown },
-            offset: offset + usize::from(cut_left),
-            width: marked.min(LINE_WINDOW.saturating_sub(offset).max(1)),
-        }
+        let text = if cut_left { format!("…{shown}") } else { shown };
+        let (offset, width) = (offset + usize::from(cut_left), marked.min(LINE_WINDOW.saturating_sub(offset).max(1)));
+        let columns = |from, count| columns(text.chars().skip(from), count);
+        let (offset, width) = (columns(0, offset), columns(offset, width).max(1));
+        Self { text, offset, width }
     }
+}
+
+/// How many columns of a terminal so many characters take; one for each where there are no more.
+fn columns(mut characters: impl Iterator<Item = char>, count: usize) -> usize {
+    (0..count).map(|_| characters.next().map_or(1, |c| c.width().unwrap_or(0))).sum()
 }
 
 impl fmt::Display for Diagnostic {
@@ -333,6 +340,17 @@ impl AtFault for Diagnostics {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_caret_stands_below_its_place_behind_wide_and_combining_characters() {
+        for (text, carets) in [("日本語😀é, b: ", 14), ("e\u{301}e, b: ", 7), ("ab, b: ", 7)] {
+            let place = Span::at(text.len());
+            let shown = Diagnostic::new(&Source::new("q", text), place, "expected a value").to_string();
+            assert!(shown.ends_with(&format!("\n  | {}^", " ".repeat(carets))), "{shown}");
+        }
+        let shown = Diagnostic::new(&Source::new("q", "{a: 日本}"), Span::new(4, 10), "unknown").to_string();
+        assert!(shown.ends_with("\n  |     ^^^^"), "{shown}");
+    }
 
     #[test]
     fn shows_the_line_and_a_caret_under_the_span() {
