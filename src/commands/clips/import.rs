@@ -74,16 +74,20 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     }
     let repeated = remove_repeated(&mut found);
     let memory = context.memory_to_fill()?.with_meter(progress.meter());
-    let stored = match args.key.as_slice() {
-        [] => remove_stored(&mut found, &memory, &namespace)?,
-        keys => {
-            let keys = &spelled(keys, &found, &schema.respelled);
-            give_ids(keys, &texts, &mut found, &memory, &namespace, &schema.respelled)?;
-            0
-        }
-    };
-    let documents = found.iter().map(|(_, document)| document.clone()).collect();
-    let put = memory.put(&namespace, documents).map_err(|error| taken(error, &found, &texts, &memory))?;
+    // Another import sees what this one stores before it looks for its own facts.
+    let (stored, put) = memory.atomically(&[&namespace], Error::from, |_| {
+        let stored = match args.key.as_slice() {
+            [] => remove_stored(&mut found, &memory, &namespace)?,
+            keys => {
+                let keys = &spelled(keys, &found, &schema.respelled);
+                give_ids(keys, &texts, &mut found, &memory, &namespace, &schema.respelled)?;
+                0
+            }
+        };
+        let documents = found.iter().map(|(_, document)| document.clone()).collect();
+        let put = memory.put(&namespace, documents).map_err(|error| taken(error, &found, &texts, &memory))?;
+        Ok::<_, Error>((stored, put))
+    })?;
     drop(progress);
     let is_empty = repeated == 0 && stored == 0 && found.is_empty();
     let count = to_i64::<u64>;

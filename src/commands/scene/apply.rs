@@ -8,7 +8,7 @@ use clap::builder::NonEmptyStringValueParser;
 
 use super::selection::{More, names, not_negative, read_file, sources};
 use crate::commands::{Context, UsageError, WrongInput, formats};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::scene::json::{array, line};
 use crate::formats::scene::{Content, Operation, Scene};
@@ -68,30 +68,41 @@ pub(super) fn run(args: &ApplyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let kinds = context.settings.object_kinds.clone();
     let sources = sources(args.into.as_ref(), Document::new(), &kinds, context);
     let memory = if args.dry_run { context.memory()? } else { context.memory_to_fill()? };
-    let frames = args.more.tree(&sources, &memory, context)?;
-    let found = extract(&memory, &sources, &frames, &frame, Reading::Stored)?;
-    let known = args.more.accept(found, context)?;
     let into = args
         .into
         .clone()
         .or_else(|| single(&sources.queries))
         .unwrap_or_else(|| context.settings.collection.value.clone());
-    let target = Target {
-        known: &known,
-        frames: &frames,
-        frame: &frame,
-        into: &into,
-        remove: args.remove,
-        tolerance: args.tolerance,
+    let mut decide = || -> Result<Vec<Change>> {
+        let frames = args.more.tree(&sources, &memory, context)?;
+        let found = extract(&memory, &sources, &frames, &frame, Reading::Stored)?;
+        let known = args.more.accept(found, context)?;
+        let target = Target {
+            known: &known,
+            frames: &frames,
+            frame: &frame,
+            into: &into,
+            remove: args.remove,
+            tolerance: args.tolerance,
+        };
+        let changes = match &content {
+            Content::Scene(scene) => target.scene(scene, spelling, &mut Meshes::in_folder(Path::new(""))),
+            Content::Operations(operations, _) => target.operations(operations),
+        };
+        Ok(changes.map_err(WrongInput::new)?)
     };
-    let changes = match &content {
-        Content::Scene(scene) => target.scene(scene, spelling, &mut Meshes::in_folder(Path::new(""))),
-        Content::Operations(operations, _) => target.operations(operations),
+    let changes = if args.dry_run {
+        decide()?
+    } else {
+        // Another program sees what this one changes before it looks for its own objects.
+        let namespaces: Vec<&Namespace> =
+            sources.queries.iter().map(|(namespace, _)| namespace).chain([&into]).collect();
+        memory.atomically(&namespaces, Error::from, |_| {
+            let changes = decide()?;
+            commit(&memory, &changes)?;
+            Ok::<_, Error>(changes)
+        })?
     };
-    let changes = changes.map_err(WrongInput::new)?;
-    if !args.dry_run {
-        commit(&memory, &changes)?;
-    }
     report(&changes, context)?;
     Ok(Exit::Done)
 }

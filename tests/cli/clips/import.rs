@@ -273,3 +273,18 @@ fn instances_are_not_imported_and_named() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn two_imports_at_once_store_each_fact_once() {
+    let lab = lab();
+    let facts: String = (0..300).map(|n| format!("(block (id {n}) (at \"place {n}\"))\n")).collect();
+    lab.write("facts.clp", &facts);
+    for (namespace, more) in [("a.equal", &[][..]), ("a.keyed", &["--key", "id"])] {
+        let import = || lab.rmem(&[&["clips", "import", "facts.clp", "--into", namespace], more].concat()).success();
+        std::thread::scope(|scope| {
+            let both = [scope.spawn(import), scope.spawn(import)].map(|run| run.join().unwrap());
+            assert_eq!(both.iter().filter(|report| report.contains("\"inserted\":300")).count(), 1, "{both:?}");
+        });
+        assert_eq!(lab.rmem(&["count", namespace]).success(), "300\n", "{namespace}");
+    }
+}

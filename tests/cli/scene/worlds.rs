@@ -78,3 +78,24 @@ fn blocks_that_are_moved_in_the_scene_change_the_next_plan() {
     let plan = plan();
     assert!(plan.contains("(pickup D)") && !plan.contains("(unstack D A)"), "{plan}");
 }
+
+#[test]
+fn two_programs_that_apply_a_scene_at_once_add_each_object_once() {
+    let lab = Lab::new().env("RMEM_MEMORY", "file:robot.rmem");
+    let object = |n: usize| {
+        format!(
+            "{{\"name\": \"box {n}\", \"translation\": [{n}, 0, 0], \"rotation\": [0, 0, 0, 1], \
+             \"geometry\": {{\"type\": \"box\", \"size\": [0.1, 0.1, 0.1]}}}}"
+        )
+    };
+    let objects = (0..200).map(object).collect::<Vec<_>>().join(", ");
+    lab.write("boxes.json", &format!("{{\"frame\": \"map\", \"objects\": [{objects}]}}"));
+    lab.rmem(&["create", "a.boxes"]).success();
+    std::thread::scope(|scope| {
+        let apply = || lab.rmem(&["scene", "apply", "boxes.json", "--into", "a.boxes"]).success();
+        let both = [scope.spawn(apply), scope.spawn(apply)].map(|run| run.join().unwrap());
+        assert_eq!(both.iter().filter(|report| report.is_empty()).count(), 1, "{both:?}");
+    });
+    assert_eq!(lab.rmem(&["count", "a.boxes"]).success(), "200\n");
+    lab.rmem(&["scene", "export", "a.boxes", "--frame", "map"]).success();
+}
