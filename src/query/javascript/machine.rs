@@ -1,5 +1,6 @@
 //! The machine of a thread: a QuickJS runtime with the programs that it has compiled.
 
+use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -11,7 +12,8 @@ use rquickjs::function::Args;
 use rquickjs::{Context, Ctx, Error, Function, Object, Persistent, Runtime, Value};
 
 use super::convert::{Fault, Types, from_value, to_document, to_value};
-use super::script::Script;
+use super::predicate::predicate;
+use super::script::{Code, Script};
 use crate::query::error::{QueryError, Result};
 use crate::query::interruption;
 use crate::query::view::{Fields, View};
@@ -50,6 +52,14 @@ struct Compiled {
     context: Context,
 }
 
+/// Whether a text is a program: a text is read as a whole before the first of it is run, which ends it.
+fn parses(ctx: &Ctx<'_>, code: &str) -> bool {
+    let mut options = EvalOptions::default();
+    options.strict = false;
+    let ended: rquickjs::Result<Value<'_>> = ctx.eval_with_options(format!("throw 0;{{{code}\n}}"), options);
+    ended.is_err_and(|error| error.is_exception() && ctx.catch().is_number())
+}
+
 impl Machine {
     fn new() -> rquickjs::Result<Self> {
         let runtime = Runtime::new()?;
@@ -82,8 +92,12 @@ impl Machine {
             let mut options = EvalOptions::default();
             // MongoDB's functions are not strict: they may make global variables.
             options.strict = false;
+            let source = match &script.code {
+                Code::Function(source) => Cow::Borrowed(source.as_str()),
+                Code::Predicate(text) => Cow::Owned(predicate(text, &|code| parses(&ctx, code))),
+            };
             let value: Value<'_> =
-                ctx.eval_with_options(script.source.as_str(), options).map_err(|error| self.explain(&ctx, &error))?;
+                ctx.eval_with_options(&*source, options).map_err(|error| self.explain(&ctx, &error))?;
             let function = value.into_function().ok_or_else(|| failure("the code is not a function".to_owned()))?;
             Ok::<_, QueryError>((Persistent::save(&ctx, function), Persistent::save(&ctx, types)))
         })?;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use bson::{Bson, Document, RawDocument, doc};
 
+use super::script::Code;
 use super::{Program, source};
 use crate::query::error::{QueryError, QueryMistake, Result};
 use crate::query::key;
@@ -62,7 +63,7 @@ impl MapReduce {
     /// # Errors
     /// If rmem is built without JavaScript.
     pub fn parse(map: &str, reduce: &str, finalize: Option<&str>, scope: &Document) -> Result<Self> {
-        let program = |code: String| Program::new("map-reduce", code, scope.clone());
+        let program = |code: String| Program::new("map-reduce", Code::Function(code), scope.clone());
         let function = source::function(map);
         let collecting = format!(
             "(function(document) {{ var all = []; \

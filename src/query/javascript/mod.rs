@@ -9,6 +9,8 @@ mod convert;
 #[cfg(feature = "javascript")]
 mod machine;
 mod map_reduce;
+#[cfg(feature = "javascript")]
+mod predicate;
 mod script;
 mod source;
 
@@ -17,18 +19,18 @@ use bson::{Bson, Document};
 use super::error::{QueryError, Result};
 use super::view::Fields;
 pub use map_reduce::{MapReduce, Merging};
-use script::Script;
+use script::{Code, Script};
 
 /// A function, to be called with documents or values.
 #[derive(Debug)]
 pub(super) struct Program(Script);
 
 impl Program {
-    fn new(operator: &str, source: String, scope: Document) -> Result<Self> {
+    fn new(operator: &str, code: Code, scope: Document) -> Result<Self> {
         if !cfg!(feature = "javascript") {
             return Err(QueryError::unsupported(operator));
         }
-        Ok(Self(Script::new(source, scope)))
+        Ok(Self(Script::new(code, scope)))
     }
 
     /// Reads the argument of `$where`: a function, its body, or an expression, as a string or code.
@@ -47,7 +49,7 @@ impl Program {
             return Err(QueryError::bad_value("$where needs code"));
         }
         let fields = source::used_fields(text);
-        let mut program = Self::new("$where", source::predicate(text), Document::new())?;
+        let mut program = Self::new("$where", Code::Predicate(text.clone()), Document::new())?;
         program.0.fields = fields;
         Ok(program)
     }
@@ -59,7 +61,7 @@ impl Program {
     pub(super) fn function(operator: &str, name: &str, value: &Bson) -> Result<Self> {
         match value {
             Bson::String(text) | Bson::JavaScriptCode(text) => {
-                Self::new(operator, source::function(text), Document::new())
+                Self::new(operator, Code::Function(source::function(text)), Document::new())
             }
             _ => Err(QueryError::invalid(4_660_700, format!("the '{name}' of {operator} must be a string or code"))),
         }
@@ -133,6 +135,55 @@ mod tests {
         for code in ["this.a == 4", "0", "''", "null", "NaN", "this.missing", "var x = 1; return x > 1"] {
             assert_eq!(holds(code, &document), Ok(false), "{code}");
         }
+    }
+
+    #[test]
+    fn the_value_of_statements_without_a_return_is_that_of_the_last_one_where_it_is_an_expression() {
+        let document = doc! { "n": 3 };
+        for code in [
+            "var x = this.n; x > 2",
+            "var x = this.n; x > 2;",
+            "x = this.n;\nx > 1",
+            "x = this.n // ; two\nx > 1",
+            "x = 1\n+ this.n",
+            "let z = this.n; z > 2",
+            "const c = this.n > 1; c",
+            "\"return\"; this.n > 2",
+            "\"use strict\"; this.n > 1",
+            "1; 2",
+            "new Date() > 0; this.n == 3 /* ; */",
+            "var f = function() { return true }; f()",
+            "function g() { return false } true",
+            "if (this.n > 9) { a = 1 } this.n == 3",
+            "var s = '; '; s.length == 2 && this.n == 3;;",
+            "var r = /;}/; r.test(';}')",
+            "var t = `; ${this.n}\n; `; t.length > 4",
+            "/* c */ function() { return this.n > 2 }",
+            "// c\nfunction() { return this.n > 2 }",
+            "function h() { return this.n == 3 }",
+        ] {
+            assert_eq!(holds(code, &document), Ok(true), "{code}");
+        }
+        for code in [
+            "while (false) {}",
+            "if (this.n > 2) { true }",
+            "{ this.n > 1 }",
+            "{a: this.n}",
+            "try { this.x.y } catch (e) { true }",
+            "switch (this.n) { case 3: true }",
+            "label: this.n > 2",
+            "do { this.n > 2 } while (false)",
+            "var q",
+            "for (var i = 0; i < 3; i++) { i == this.n }",
+            "true; false",
+            "true\nfalse",
+            "x = -5\n+ this.n\n> 0",
+        ] {
+            assert_eq!(holds(code, &document), Ok(false), "{code}");
+        }
+        assert_eq!(holds("throw 1", &document).unwrap_err().code, 8);
+        assert_eq!(holds("this.n >", &document).unwrap_err().code, 139);
+        assert_eq!(holds("a } { b", &document).unwrap_err().code, 139);
     }
 
     #[test]

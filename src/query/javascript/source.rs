@@ -1,35 +1,8 @@
 //! What the text of a function shows.
 
-/// Returns an expression whose value is the function that a predicate is.
-///
-/// As in mongod, a text that is not a function is an expression where it has one line, no `return`, and no `;` but at its
-/// end; otherwise it is the body of a function.
-pub(super) fn predicate(text: &str) -> String {
-    let text = text.trim();
-    if is_function(text) {
-        return function(text);
-    }
-    let plain = text.strip_suffix(';').unwrap_or(text);
-    if !plain.contains(['\n', ';']) && !words(plain).any(|(word, _)| word == "return") {
-        return format!("(function() {{ return {plain}\n}})");
-    }
-    format!("(function() {{ {text}\n}})")
-}
-
 /// Returns an expression whose value is a function that is written as one.
 pub(super) fn function(text: &str) -> String {
     format!("({}\n)", text.trim().trim_end_matches(';'))
-}
-
-/// Returns whether a text begins as a function or an arrow function.
-fn is_function(text: &str) -> bool {
-    if words(text).next().is_some_and(|(word, at)| at == 0 && word == "function") {
-        return true;
-    }
-    let Some((parameters, _)) = text.split_once("=>") else { return false };
-    let parameters = parameters.trim();
-    let inner = parameters.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')).unwrap_or(parameters);
-    inner.chars().all(|c| c.is_alphanumeric() || " ,_$".contains(c))
 }
 
 /// Returns the fields of the document that a predicate uses, if it uses the document for nothing else: every `this` and
@@ -60,7 +33,7 @@ const INHERITED: [&str; 6] =
     ["hasOwnProperty", "isPrototypeOf", "propertyIsEnumerable", "toLocaleString", "toString", "valueOf"];
 
 /// Returns the words of a text and where they begin, also those within strings and comments.
-fn words(text: &str) -> impl Iterator<Item = (&str, usize)> {
+pub(super) fn words(text: &str) -> impl Iterator<Item = (&str, usize)> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '$';
     text.split(move |c| !is_word(c)).filter(|word| !word.is_empty()).map(move |word| {
         let at = word.as_ptr().addr() - text.as_ptr().addr();
