@@ -307,9 +307,8 @@ fn check_read_concern(fields: Fields<'_>) -> Result<(), Failure> {
         match level {
             None | Some("local" | "majority" | "available" | "linearizable" | "snapshot") => {}
             Some(other) => {
-                let message =
-                    format!("Enumeration value '{other}' for field 'readConcern.level' is not a valid value.");
-                return Err(Failure::new(codes::BAD_VALUE, message));
+                let message = format!("readConcern.level has no value '{other}'");
+                return Err(Failure::new(codes::FAILED_TO_PARSE, message));
             }
         }
     }
@@ -408,7 +407,7 @@ mod tests {
         assert_eq!(code(part.clone()), 0);
         let not = part.into_iter().chain([("startTransaction".to_owned(), false.into())]).collect();
         assert_eq!(code(not), codes::INVALID_OPTIONS);
-        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "past" } }), codes::BAD_VALUE);
+        assert_eq!(code(doc! { "ping": 1, "$db": "a", "readConcern": { "level": "past" } }), codes::FAILED_TO_PARSE);
         let others = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": 3 } }).unwrap();
         assert_eq!(others.write_concern.unwrap().acknowledgment, Acknowledgment::Several);
         let mode = Request::read(doc! { "ping": 1, "$db": "a", "writeConcern": { "w": "far" } }).unwrap();

@@ -91,9 +91,14 @@ struct Sight<'a> {
 
 fn seen_stages(ns: &Namespace, stages: &[Document], sight: Sight<'_>) -> Vec<Document> {
     let view = sight.view;
-    // An empty filter in front changes nothing, but would hide what has to be the first stage.
-    let stages = stages.iter().skip_while(|stage| is_empty_match(stage));
-    let mut stages: Vec<Document> = stages.flat_map(|stage| with_visible_others(ns, stage, sight)).collect();
+    // An empty filter in front changes nothing, but would hide `$geoNear`, which may follow it. The others may not.
+    let empty = stages.iter().take_while(|stage| is_empty_match(stage)).count();
+    let has_to_be_first = |name: &String| name != "$geoNear" && FIRST_ONLY.contains(&name.as_str());
+    if empty > 0 && stages.get(empty).is_some_and(|stage| stage.keys().any(has_to_be_first)) {
+        return stages.to_vec();
+    }
+    let mut stages: Vec<Document> =
+        stages.iter().skip(empty).flat_map(|stage| with_visible_others(ns, stage, sight)).collect();
     match stages.first_mut().and_then(|stage| stage.iter_mut().next()) {
         Some((name, Bson::Document(filter))) if name == "$match" => *filter = view.filter(filter),
         Some((name, Bson::Document(near))) if name == "$geoNear" => {

@@ -19,6 +19,9 @@ pub(super) struct Facet {
     pipelines: Vec<(String, Pipeline)>,
 }
 
+/// Stages that stand at the front of a pipeline over a collection, and nowhere else.
+const FRONT: [&str; 3] = ["$changeStream", "$collStats", "$indexStats"];
+
 impl Facet {
     pub(super) fn parse(spec: &Document, scope: &Scope, depth: usize) -> Result<Self> {
         if spec.is_empty() {
@@ -36,6 +39,10 @@ impl Facet {
             }
             let code = if matches!(value, Bson::Array(_)) { 40_171 } else { 40_170 };
             let stages = inner("$facet", value).map_err(|error| QueryError { code, ..error })?;
+            let refused = || QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage");
+            if stages.iter().flat_map(Document::keys).any(|name| FRONT.contains(&name.as_str())) {
+                return Err(refused());
+            }
             let pipeline = Pipeline::parse_in(&stages, scope, depth + 1)?;
             if pipeline
                 .stages
@@ -44,7 +51,7 @@ impl Facet {
                 || pipeline.stages.iter().any(looks_up_facets)
                 || pipeline.first_match().is_some_and(|filter| filter.search().is_some())
             {
-                return Err(QueryError::invalid(40_600, "a stage is not allowed to be used within a $facet stage"));
+                return Err(refused());
             }
             pipelines.push((name.clone(), pipeline));
         }

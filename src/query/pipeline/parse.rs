@@ -78,10 +78,9 @@ pub(super) fn stages(documents: &[Document], scope: &Scope, depth: usize) -> Res
         if name == "$geoNear" && !documents.iter().take(index).all(is_empty_match) {
             return Err(QueryError::invalid(40_603, "$geoNear must be the first stage of a pipeline").about(name));
         }
-        if name == "$documents" && index > 0 {
-            return Err(
-                QueryError::invalid(40_602, "$documents is only valid as the first stage in a pipeline").about(name)
-            );
+        if matches!(name.as_str(), "$documents" | "$changeStream") && index > 0 {
+            let message = format!("{name} is only valid as the first stage in a pipeline");
+            return Err(QueryError::invalid(40_602, message).about(name));
         }
         if is_description(name) {
             return Err(misplaced(name, index));

@@ -40,8 +40,15 @@ impl Token {
     /// Where it is none of these.
     pub(super) fn read(token: &Document) -> Result<Self, Failure> {
         let data = match token.get("_data") {
-            Some(Bson::String(data)) if data.is_ascii() && data.len() == 18 => data,
-            _ => return Err(invalid()),
+            Some(Bson::String(data)) if data.is_empty() => {
+                return Err(Failure::new(EMPTY, "invalid empty resume token"));
+            }
+            Some(Bson::String(data)) if !is_hexadecimal(data) => {
+                return Err(Failure::new(codes::FAILED_TO_PARSE, "resume token string was not a valid hex string"));
+            }
+            Some(Bson::String(data)) if data.len() == 18 => data,
+            Some(Bson::String(_)) => return Err(invalid()),
+            _ => return Err(Failure::new(NO_TEXT, "a resume token has a text under `_data`")),
         };
         let (position, kind) = data.split_at_checked(16).ok_or_else(invalid)?;
         let kind = match kind {
@@ -53,6 +60,14 @@ impl Token {
         let position = i64::from_str_radix(position, 16).map_err(|_| invalid())?;
         Ok(Self { position, kind })
     }
+}
+
+/// MongoDB's codes of tokens that are none.
+const EMPTY: i32 = 40_649;
+const NO_TEXT: i32 = 40_647;
+
+fn is_hexadecimal(text: &str) -> bool {
+    text.len().is_multiple_of(2) && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 fn invalid() -> Failure {
@@ -70,8 +85,16 @@ mod tests {
         let text = |position| token(position).to_document().get_str("_data").unwrap().to_owned();
         assert_eq!(Token::read(&token(7).to_document()), Ok(token(7)));
         assert!(text(9) < text(10) && text(255) < text(256));
-        for wrong in [doc! {}, doc! { "_data": 3 }, doc! { "_data": "82ab" }, doc! { "_data": "x".repeat(18) }] {
-            assert_eq!(Token::read(&wrong).unwrap_err().code, codes::INVALID_TOKEN);
+        for (wrong, code) in [
+            (doc! {}, NO_TEXT),
+            (doc! { "_data": 3 }, NO_TEXT),
+            (doc! { "_data": "" }, EMPTY),
+            (doc! { "_data": "82a" }, codes::FAILED_TO_PARSE),
+            (doc! { "_data": "x".repeat(18) }, codes::FAILED_TO_PARSE),
+            (doc! { "_data": "82ab" }, codes::INVALID_TOKEN),
+            (doc! { "_data": "8".repeat(18) }, codes::INVALID_TOKEN),
+        ] {
+            assert_eq!(Token::read(&wrong).unwrap_err().code, code, "{wrong}");
         }
     }
 }

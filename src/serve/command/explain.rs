@@ -16,6 +16,10 @@ use crate::store::Find;
 
 pub(super) const COMMANDS: &[Command] = &[Command::read("explain", explain)];
 
+/// The commands that are explained.
+const EXPLAINED: [&str; 9] =
+    ["aggregate", "count", "delete", "distinct", "find", "findAndModify", "findandmodify", "mapReduce", "update"];
+
 fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
     fields.known(&["verbosity"])?;
@@ -33,9 +37,17 @@ fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
             let message = format!(
                 "verbosity string must be one of {{'queryPlanner', 'executionStats', 'allPlansExecution'}}, not '{other}'"
             );
-            return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+            return Err(Failure::new(codes::BAD_VALUE, message));
         }
     };
+    let name = inner.keys().next().map_or("", String::as_str);
+    match super::find(name) {
+        Some(_) if EXPLAINED.contains(&name) => {}
+        Some(_) => return Err(Failure::new(codes::ILLEGAL, format!("Cannot explain cmd: {name}"))),
+        None => {
+            return Err(Failure::new(codes::NO_COMMAND, format!("Explain failed due to unknown command: {name}")));
+        }
+    }
     let inner = Call::new(Arc::new(Request::read(inner)?), call.metadata, &call.author);
     let ns = inner.request.readable()?;
     let fields = inner.request.fields();
@@ -61,9 +73,7 @@ fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
             let (ns, stages) = aggregate::pipeline(&inner, fields)?;
             return of_pipeline(host, &inner, &ns, &stages);
         }
-        other => {
-            return Err(Failure::new(codes::NO_COMMAND, format!("Explain failed due to unknown command: {other}")));
-        }
+        other => return Err(Failure::new(codes::ILLEGAL, format!("Cannot explain cmd: {other}"))),
     };
     raw(&explained(host, &inner, &ns, &asked, is_run)?)
 }

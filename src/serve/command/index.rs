@@ -259,7 +259,11 @@ fn discard(memory: &Memory, call: &Call) -> Answer {
             return Err(Failure::new(codes::NO_INDEX, format!("index not found with name [{name}]")));
         }
     }
-    raw(&doc! { "nIndexesWas": count })
+    let mut reply = doc! { "nIndexesWas": count };
+    if fields.document.get("index") == Some(&Bson::from("*")) {
+        reply.insert("msg", "non-_id indexes dropped for collection");
+    }
+    raw(&reply)
 }
 
 /// The names of the indexes that are to go.

@@ -170,6 +170,7 @@ fn profile(_: &mut Client, _: &Server, request: &Request) -> Answer {
 }
 
 fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.check_admin()?;
     match request.target() {
         Some(Bson::String(name)) if name == "*" => raw(&doc! { "names": ["global", "startupWarnings"] }),
         Some(Bson::String(name)) if ["global", "startupWarnings"].contains(&name.as_str()) => {
@@ -183,7 +184,8 @@ fn log(_: &mut Client, _: &Server, request: &Request) -> Answer {
     }
 }
 
-fn options(_: &mut Client, _: &Server, _: &Request) -> Answer {
+fn options(_: &mut Client, _: &Server, request: &Request) -> Answer {
+    request.check_admin()?;
     raw(&doc! { "argv": ["rmem", "serve"], "parsed": {} })
 }
 
@@ -196,7 +198,8 @@ fn top(host: &mut Host<'_>, call: &Call) -> Answer {
     raw(&doc! { "totals": totals })
 }
 
-fn set_status(client: &mut Client, server: &Server, _: &Request) -> Answer {
+fn set_status(client: &mut Client, server: &Server, request: &Request) -> Answer {
+    request.check_admin()?;
     let member = doc! {
         "_id": 0,
         "name": &client.host,

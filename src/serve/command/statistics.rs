@@ -163,6 +163,10 @@ pub(super) fn stage(memory: &Memory, call: &Call, ns: &Namespace, argument: &Bso
     fields.known_inside(&["latencyStats", "storageStats", "count", "queryExecStats"])?;
     let host = super::server::host_name();
     let mut document = doc! { "ns": ns.to_string(), "host": host, "localTime": DateTime::now() };
+    let is_counted = ["count", "storageStats"].iter().any(|name| asked.contains_key(name));
+    if is_counted && !memory.collections_of(&ns.database)?.contains(ns) {
+        return Err(Failure::new(codes::NO_NAMESPACE, format!("Collection [{ns}] not found.")));
+    }
     let size = size(memory, ns)?;
     if let Some(storage) = fields.document("storageStats")? {
         let scale = scale(Fields::new("storageStats", storage))?;

@@ -276,6 +276,41 @@ fn prepare(wire: &mut Wire) -> Result<(), Failed> {
     Ok(())
 }
 
+/// Stages where they may not stand, and values, commands and databases that are not known.
+fn misplaced() -> Vec<Document> {
+    let pipeline =
+        |collection: &str, stages: Vec<Document>| doc! { "aggregate": collection, "pipeline": stages, "cursor": {} };
+    let count = || doc! { "$collStats": { "count": {} } };
+    let changes = || doc! { "$changeStream": {} };
+    let behind = |stage: Document| pipeline("c", vec![doc! { "$match": {} }, stage]);
+    let within = |stage: Document| pipeline("c", vec![doc! { "$facet": { "x": [stage] } }]);
+    let after = |token: Document| pipeline("c", vec![doc! { "$changeStream": { "resumeAfter": token } }]);
+    vec![
+        behind(count()),
+        behind(doc! { "$indexStats": {} }),
+        behind(changes()),
+        within(count()),
+        within(doc! { "$indexStats": {} }),
+        within(changes()),
+        pipeline("none", vec![count()]),
+        pipeline("none", vec![doc! { "$collStats": { "storageStats": {} } }]),
+        after(doc! {}),
+        after(doc! { "_data": "" }),
+        after(doc! { "_data": "8" }),
+        after(doc! { "_data": "zz" }),
+        after(doc! { "_data": 5 }),
+        doc! { "explain": { "insert": "c", "documents": [{}] } },
+        doc! { "explain": { "ping": 1 } },
+        doc! { "explain": { "none": 1 } },
+        doc! { "explain": { "find": "c" }, "verbosity": "all" },
+        doc! { "find": "c", "readConcern": { "level": "past" } },
+        doc! { "ping": 1, "readConcern": { "level": "past" } },
+        doc! { "getCmdLineOpts": 1 },
+        doc! { "getLog": "global", "$db": "arguments" },
+        doc! { "replSetGetStatus": 1 },
+    ]
+}
+
 fn code(wire: &mut Wire, command: &Document) -> Result<i32, Failed> {
     let database = match command.keys().next().map(String::as_str) {
         Some("renameCollection" | "getLog") => "admin",
@@ -292,7 +327,7 @@ fn beside(mongod: &str) -> Result<(), Failed> {
     let address = mongod.trim_start_matches("mongodb://").split('/').next().unwrap_or_default();
     let (mut real, mut own) = (Wire::connect(address)?, Wire::connect(served.address())?);
     let (mut different, mut is_changed) = (Vec::new(), true);
-    for command in commands().into_iter().chain(options()) {
+    for command in commands().into_iter().chain(options()).chain(misplaced()) {
         if is_changed {
             prepare(&mut real)?;
             prepare(&mut own)?;
