@@ -15,7 +15,7 @@ use crate::exit::Exit;
 use crate::formats::quantity;
 use crate::interrupt::InterruptGuard;
 use crate::serve::lock::{self, Lock};
-use crate::serve::{Address, Listener, Opener, Options, Running, Server, Tls, Users, systemd};
+use crate::serve::{Address, Listener, Opener, Options, Running, Server, Tls, Users, private_folder, systemd};
 use crate::settings::{Origin, Settings};
 use crate::store::{StoreError, StoreUri};
 
@@ -79,7 +79,7 @@ pub(super) fn run(args: &ServeArgs, context: &mut Context<'_>) -> Result<Exit> {
     let files = files(&context.settings)?;
     let mut locks = if args.read_only { Vec::new() } else { take_locks(&files)? };
     let listeners = listeners(args, tls.as_ref(), options.users.is_some(), context)?;
-    fill(args, context)?;
+    fill(args.read_only && scratch.is_none(), context)?;
     let guard = InterruptGuard::new();
     let running = Running::start(opener(context.opening()), options).context("cannot start")?;
     files.iter().try_for_each(|file| running.server().listen_at(file)).context("cannot start")?;
@@ -181,7 +181,7 @@ fn file_for_memory(context: &mut Context<'_>) -> Result<Option<tempfile::TempDir
     if !is_memory {
         return Ok(None);
     }
-    let folder = tempfile::tempdir_in(context.temporary()).context("cannot make a temporary folder")?;
+    let folder = private_folder(&context.temporary()).context("cannot make a temporary folder")?;
     context.settings.memory.value = Some(format!("file:{}", folder.path().join("memory.rmem").display()));
     Ok(Some(folder))
 }
@@ -208,10 +208,10 @@ fn take_locks(files: &[PathBuf]) -> Result<Vec<Lock>> {
 
 /// Opens the memory once: errors are reported now, and a missing file is created. A robot that does not reach its team can
 /// use its own databases.
-fn fill(args: &ServeArgs, context: &mut Context<'_>) -> Result<()> {
-    let memory = if args.read_only { context.memory()? } else { context.memory_to_fill()? };
+fn fill(has_to_be_there: bool, context: &mut Context<'_>) -> Result<()> {
+    let memory = if has_to_be_there { context.memory()? } else { context.memory_to_fill()? };
     let is_file = context.settings.memory.value.as_deref().is_some_and(|uri| uri.starts_with("file:"));
-    if is_file && !args.read_only {
+    if is_file && !has_to_be_there {
         memory.open_local()?;
     }
     memory.check_local()?;

@@ -256,8 +256,11 @@ fn port(address: &Address, source: io::Error) -> ListenError {
     ListenError::Port { address: address.clone(), source, hint }
 }
 
-/// A folder for this process alone; those that killed processes left go.
-fn private(folder: &Path) -> io::Result<TempDir> {
+/// A folder for this process alone, within another one; those that killed processes left there go.
+///
+/// # Errors
+/// Where it cannot be made.
+pub fn private_folder(folder: &Path) -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
     builder.permissions(fs::Permissions::from_mode(0o700));
     builder.prefix(&stale_files::prefix(folder, ".rmem-")).tempdir_in(folder)
@@ -276,7 +279,7 @@ fn bind(path: &Path) -> Result<UnixListener, ListenError> {
         _ => {}
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let made = private(folder).and_then(|private| {
+    let made = private_folder(folder).and_then(|private| {
         // Through its descriptor: the path of a socket may have 107 bytes.
         let open = File::open(private.path())?;
         let place = PathBuf::from(format!("/proc/self/fd/{}/s", open.as_raw_fd()));

@@ -61,7 +61,7 @@ mod writer_context;
 pub use address::{Address, AddressError};
 pub use auth::{Users, UsersError};
 pub use files::Moved;
-pub use listener::{ListenError, Listener};
+pub use listener::{ListenError, Listener, private_folder};
 pub use running::Running;
 pub use server::{Opener, Options, Server};
 pub use tls::{Tls, TlsError};

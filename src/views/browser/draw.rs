@@ -2,10 +2,12 @@
 
 use bson::Document;
 use ratatui::Frame;
-use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::layout::{Constraint, Layout, Margin, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Cell, List, ListItem, ListState, Paragraph, Row, Table, TableState};
+
+use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
 
 use super::state::{Browser, Documents, Screen};
 use crate::views::field::text;
@@ -31,7 +33,7 @@ pub fn draw(browser: &Browser<'_>, frame: &mut Frame<'_>) {
         }
         None => {}
     }
-    frame.render_widget(Paragraph::new(last_line(browser)), last);
+    frame.render_widget(Paragraph::new(last_line(browser, last.width)), last);
 }
 
 fn selected_style() -> Style {
@@ -40,10 +42,16 @@ fn selected_style() -> Style {
 
 fn table(documents: &Documents<'_>, frame: &mut Frame<'_>, area: Rect) {
     let columns = columns(&documents.rows);
-    let cell = |document: &Document, key: &str| Cell::new(document.get(key).map(visible).unwrap_or_default());
-    let rows = documents.rows.iter().map(|document| Row::new(columns.iter().map(|key| cell(document, key))));
     let widths: Vec<Constraint> = columns.iter().map(|key| Constraint::Fill(weight(key, &documents.rows))).collect();
-    let mut title = format!(" {}: {} documents", documents.namespace, documents.total);
+    // As the table lays them out, within its border and with a blank between them.
+    let places = Layout::horizontal(widths.clone()).spacing(1).split(area.inner(Margin::new(1, 1)));
+    let cell = |document: &Document, key: &str, place: &Rect| {
+        Cell::new(document.get(key).map(|value| shortened(&visible(value), place.width.into())).unwrap_or_default())
+    };
+    let row = |document| Row::new(columns.iter().zip(&*places).map(|(key, place)| cell(document, key, place)));
+    let rows = documents.rows.iter().map(row);
+    let noun = if documents.total == 1 { "document" } else { "documents" };
+    let mut title = format!(" {}: {} {noun}", documents.namespace, documents.total);
     for (word, given) in [("", &documents.filter), ("sorted by ", &documents.sort)] {
         if !given.is_empty() {
             title.push_str(&format!(", {word}{given}"));
@@ -76,19 +84,40 @@ fn weight(key: &str, rows: &[Document]) -> u16 {
     u16::try_from(widest).unwrap_or(40)
 }
 
+/// A text that ends with `…` where it is wider than its cell.
+fn shortened(text: &str, width: usize) -> String {
+    if text.width() <= width {
+        return text.to_owned();
+    }
+    let mut used = 0;
+    let fits = |c: &char| {
+        used += c.width().unwrap_or(0);
+        used < width
+    };
+    text.chars().take_while(fits).chain(['…']).collect()
+}
+
 /// A value without what a terminal would obey.
 fn visible(value: &bson::Bson) -> String {
     text(value).chars().map(|c| if c.is_control() { '·' } else { c }).collect()
 }
 
-fn last_line(browser: &Browser<'_>) -> String {
+/// What keys do: as much as fits, the last words always.
+const KEYS: [&str; 4] = [
+    "arrows move  Enter opens  Esc back  / query  s sort  e explain  p plan  c computables  r again  q quit",
+    "Enter opens  Esc back  / query  s sort  e explain  p plan  c computables  q quit",
+    "Esc back  / query  s sort  e explain  q quit",
+    "q quit",
+];
+
+fn last_line(browser: &Browser<'_>, width: u16) -> String {
     match &browser.prompt {
         Some(prompt) if browser.message.is_empty() => format!("{}: {}", prompt.title, prompt.text),
         Some(prompt) => format!("{} — {}", prompt.text, browser.message),
         None if !browser.message.is_empty() => browser.message.clone(),
         None => {
-            "arrows move  Enter opens  Esc back  / query  s sort  e explain  p plan  c computables  r again  q quit"
-                .to_owned()
+            let fitting = KEYS.iter().find(|keys| keys.len() <= usize::from(width));
+            (*fitting.unwrap_or(&KEYS[KEYS.len() - 1])).to_owned()
         }
     }
 }
