@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use bson::doc;
 use clap::Args;
 
-use super::{Context, formats};
+use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
+use crate::output::is_stdout;
 
 /// Copy the memory into a new file, while other programs use it
 #[derive(Debug, Args)]
@@ -25,6 +26,12 @@ pub struct BackupArgs {
 
 pub(super) fn run(args: &BackupArgs, context: &mut Context<'_>) -> Result<Exit> {
     context.format(&formats::TEXT)?;
+    if is_stdout(&args.file) {
+        return Err(UsageError::new(
+            "a backup is a file; expected FILE, like robot-copy.rmem (`rmem dump -o -` prints)",
+        )
+        .into());
+    }
     let memory = context.memory()?;
     memory.backup(&args.file)?;
     let file = args.file.display().to_string();

@@ -96,11 +96,18 @@ impl<'a> Context<'a> {
         let warnings = Arc::clone(&self.warnings);
         let memory = self.opening().open(self.observer())?;
         let memory = memory.with_warnings(Rc::new(move |warning| push(&warnings, warning)));
-        for path in self.settings.load.clone() {
+        let paths = self.settings.load.clone();
+        for (nth, path) in paths.iter().enumerate() {
             let start = Instant::now();
-            let (name, world) = self.world(&path)?;
+            let (name, world) = self.world(path)?;
             let loaded = world.and_then(|world| world.load(&memory));
-            let loaded = loaded.with_context(|| format!("loading {}", path.display()))?;
+            let loaded = loaded.with_context(|| match paths.get(..nth) {
+                Some(before @ [_, ..]) => {
+                    let before: Vec<String> = before.iter().map(|path| path.display().to_string()).collect();
+                    format!("loading {}; the memory has those before it: {}", path.display(), before.join(", "))
+                }
+                _ => format!("loading {}", path.display()),
+            })?;
             self.output.operation("load", &name, &loaded.to_string(), start.elapsed());
         }
         Ok(memory)

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 use clap::Args;
 
 use super::context::memory_at;
@@ -113,7 +113,10 @@ fn line(namespace: &str, difference: &Difference) -> String {
 /// documents are whole.
 fn changes(first: &Document, second: &Document) -> (String, String) {
     let differing = |document: &Document, other: &Document| -> Document {
-        let different = |key: &str, value: &Bson| other.get(key) != Some(value);
+        // NaN is not itself, but its bytes are.
+        let bytes = |value: &Bson| RawDocumentBuf::try_from(&doc! { "": value }).ok();
+        let same = |other: &Bson, value: &Bson| other == value || bytes(other) == bytes(value);
+        let different = |key: &str, value: &Bson| !other.get(key).is_some_and(|other| same(other, value));
         document
             .iter()
             .filter(|(key, value)| different(key, value))

@@ -1,6 +1,6 @@
 //! `rmem dump [NS…|--all] -o PATH`: namespaces as a world file, a folder, or an archive.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -54,8 +54,8 @@ pub struct DumpArgs {
 }
 
 pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let is_world = is_stdout(&args.output) || args.output.extension().is_some_and(|end| end == "json");
-    let is_world = is_world && !args.archive;
+    let is_file = args.output.extension().is_some_and(|end| end == "json") || is_stream(&args.output);
+    let is_world = (is_stdout(&args.output) || is_file) && !args.archive;
     if is_world && args.gzip {
         return Err(UsageError::new("--gzip packs the files of a folder, or an archive; expected -o PATH").into());
     }
@@ -88,6 +88,11 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
         context.output.note(&format!("{namespace}: {}", amount(count, "document")));
     }
     Ok(Exit::Done)
+}
+
+/// Whether a path leads to what is written from end to end, like `/dev/stdout` or a pipe.
+fn is_stream(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_dir() && !found.is_file())
 }
 
 /// Says which indexes and options a world file has no place for.

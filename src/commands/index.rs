@@ -9,8 +9,9 @@ use super::query::{argument, blame, fields};
 use super::{Context, UsageError, formats};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::formats::{Diagnostic, quantity};
+use crate::formats::{Diagnostic, quantity, shell};
 use crate::memory::Memory;
+use crate::output::Format;
 use crate::store::{Index, IndexChange, Namespace};
 
 /// What stands below the help of `index`.
@@ -22,6 +23,7 @@ Examples:
   rmem index robmem.objects '{name: 1}' --unique --partial '{seen: true}'
   rmem index robmem.objects
   rmem index robmem.objects '{name: 1}' --drop
+  rmem index robmem.objects name_1 --hide
 
 Prints the name of the created index. With --unique, a document whose key another one has is refused (exit code 5), \
 and the index is not created if two documents have the same key. Documents that --ttl expires are removed by the next \
@@ -77,7 +79,7 @@ pub struct IndexArgs {
 }
 
 pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let wanted = args.keys.as_deref().map(|text| index(args, text)).transpose()?;
+    let wanted = args.keys.as_deref().filter(|text| !is_name(args, text)).map(|text| index(args, text)).transpose()?;
     let memory = context.memory()?;
     if args.hide || args.unhide {
         return hide(args, wanted, &memory, context);
@@ -100,10 +102,19 @@ pub(super) fn run(args: &IndexArgs, context: &mut Context<'_>) -> Result<Exit> {
             if !made {
                 context.output.note(&format!("{} has the index {} already", args.namespace, index.name));
             }
-            context.output.line(&index.name)?;
+            let name = match context.format(&formats::DOCUMENTS)? {
+                Format::Json | Format::Canonical => shell::relaxed_value(&index.name.into()),
+                _ => index.name,
+            };
+            context.output.line(&name)?;
             Ok(Exit::Done)
         }
     }
+}
+
+/// Whether a text in the place of the keys names an index that is there, as mongosh takes it.
+fn is_name(args: &IndexArgs, text: &str) -> bool {
+    (args.hide || args.unhide || args.drop) && !text.trim_start().starts_with('{')
 }
 
 /// Whether the arguments say how an index is to be.
@@ -161,7 +172,8 @@ fn seconds(ttl: Duration) -> Result<i64, UsageError> {
 
 /// The name of an index that is there, by its keys or as it is given.
 fn present(args: &IndexArgs, wanted: Option<Index>, memory: &Memory, verb: &str) -> Result<String> {
-    match (&args.name, wanted) {
+    let given = args.keys.as_ref().filter(|text| is_name(args, text));
+    match (args.name.as_ref().or(given), wanted) {
         (Some(name), _) => Ok(name.clone()),
         (None, Some(wanted)) => named(memory, &args.namespace, wanted),
         (None, None) => {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
+use rustix::system;
 
 use super::{Context, UsageError, formats};
 use crate::error::Result;
@@ -51,7 +52,7 @@ pub struct LockArgs {
 /// The owner of a lock, and its collection.
 #[derive(Debug, Clone, Default, Args)]
 pub struct HolderOptions {
-    /// Owner of the lock (default: $USER@$HOSTNAME)
+    /// Owner of the lock (default: $USER@HOST)
     #[arg(long, value_name = "OWNER", value_parser = NonEmptyStringValueParser::new())]
     pub owner: Option<String>,
     /// Collection of the locks
@@ -102,11 +103,16 @@ pub(super) fn run(args: &LockArgs, context: &mut Context<'_>) -> Result<Exit> {
 /// The mutex and its owner.
 pub(super) fn mutex(name: &str, options: &HolderOptions, context: &Context<'_>) -> Result<Mutex> {
     let set = |name: &str| context.environment.get(name).filter(|value| !value.is_empty());
-    let owner = match (&options.owner, set("USER"), set("HOSTNAME")) {
-        (Some(owner), _, _) => owner.clone(),
-        (None, Some(user), Some(host)) => format!("{user}@{host}"),
-        _ => {
-            let text = "the owner is not known: USER and HOSTNAME are not both set; expected --owner OWNER";
+    // A shell does not give HOSTNAME to its programs unless it is told to.
+    let host = || match set("HOSTNAME") {
+        Some(host) => host.clone(),
+        None => system::uname().nodename().to_string_lossy().into_owned(),
+    };
+    let owner = match (&options.owner, set("USER")) {
+        (Some(owner), _) => owner.clone(),
+        (None, Some(user)) => format!("{user}@{}", host()),
+        (None, None) => {
+            let text = "the owner is not known: USER is not set; expected --owner OWNER";
             return Err(UsageError::new(text).into());
         }
     };

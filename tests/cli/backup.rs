@@ -1,6 +1,6 @@
 //! backup.
 
-use crate::lab::assert_run;
+use crate::lab::{Lab, assert_run};
 use crate::repair::lab;
 
 #[test]
@@ -37,4 +37,12 @@ fn a_backup_that_cannot_be_written_names_the_folder() {
     error: file:/proc/copy.rmem: cannot make a file in /proc: there is no such file or folder
     [exit code: 4]
     ");
+}
+
+#[test]
+fn a_backup_is_a_file() {
+    let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["backup", "-"]).exits(2);
+    assert!(!lab.path().join("-").exists());
 }

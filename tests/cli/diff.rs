@@ -87,3 +87,11 @@ fn only_the_named_collections_are_compared() {
     [exit code: 3]
     ");
 }
+
+#[test]
+fn a_value_that_is_not_a_number_is_not_named_where_it_stays() {
+    let lab = Lab::new();
+    lab.write("a.json", r#"{"a.b": [{"_id": 1, "x": {"$numberDouble": "NaN"}, "y": 1}]}"#);
+    lab.write("b.json", r#"{"a.b": [{"_id": 1, "x": {"$numberDouble": "NaN"}, "y": 2}]}"#);
+    assert_eq!(lab.rmem(&["diff", "a.json", "b.json"]).exits(1).stdout, "~ a.b 1 {\"y\":1} -> {\"y\":2}\n");
+}

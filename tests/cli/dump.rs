@@ -177,3 +177,12 @@ fn a_world_file_says_which_indexes_it_leaves_out() {
     let folder = lab.rmem(&[&dump[..], &["folder"]].concat()).exits(0);
     assert!(!folder.stderr.contains("warning"), "{folder}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_world_is_written_to_a_device_or_a_pipe() {
+    let lab = Lab::new();
+    lab.rmem(&["insert", "-q", "a.b", "{_id: 1}"]).success();
+    lab.rmem(&["dump", "a.b", "-o", "/dev/null"]).success();
+    assert_eq!(lab.shell("rmem dump a.b -o /dev/stdout | cat").success(), lab.rmem(&["dump", "a.b"]).success());
+}

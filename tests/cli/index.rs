@@ -454,3 +454,14 @@ fn a_collation_that_would_do_nothing_is_refused() {
     }
     assert_eq!(lab.rmem(&["index", "robmem.worldmodel"]).success().lines().count(), 2);
 }
+
+#[test]
+fn an_index_is_dropped_and_hidden_by_its_name_as_in_mongosh() {
+    let lab = Lab::new();
+    assert_eq!(lab.rmem(&["--format", "json", "index", "a.b", "{x: 1}"]).success(), "\"x_1\"\n");
+    lab.rmem(&["index", "a.b", "x_1", "--hide"]).success();
+    assert!(lab.rmem(&["index", "a.b"]).success().contains("\"hidden\":true"));
+    lab.rmem(&["index", "a.b", "x_1", "--drop"]).success();
+    assert!(!lab.rmem(&["index", "a.b"]).success().contains("x_1"));
+    assert!(lab.rmem(&["index", "a.b", "y_1", "--drop"]).success().is_empty());
+}
