@@ -25,7 +25,7 @@ pub(crate) fn words(text: &str) -> Cow<'_, str> {
 }
 
 /// What the readers of TOML and JSON expect, and the same in plain words.
-const KINDS: [(&str, &str); 13] = [
+const KINDS: [(&str, &str); 14] = [
     ("u8", "a whole number from 0 to 255"),
     ("u16", "a whole number from 0 to 65535"),
     ("u32", "a whole number, not negative"),
@@ -39,6 +39,7 @@ const KINDS: [(&str, &str); 13] = [
     ("a sequence", "an array"),
     ("sequence", "an array"),
     ("unit value", "null"),
+    ("a Bson", "an object"),
 ];
 
 /// Returns a message of the reader of TOML or JSON in plain words: `expected an array, found "x"`. `map` is what has keys

@@ -148,7 +148,8 @@ impl More {
         Ok(found)
     }
 
-    fn report(&self, invalid: &[Invalid], context: &mut Context<'_>) -> Result<()> {
+    /// The same of those that were found.
+    pub(super) fn report(&self, invalid: &[Invalid], context: &mut Context<'_>) -> Result<()> {
         let Some(first) = invalid.first() else { return Ok(()) };
         if !self.skip_invalid {
             let more = match invalid.len() {

@@ -26,7 +26,8 @@ Examples:
 Prints a line for each operation: add, remove, move, attach, detach, reshape; with --format moveit-msg a
 PlanningScene with is_diff. A frame that moves moves every object in it. Poses are those of the frames as
 they are when the line is printed. Starts with the next change: export the scene after the message on
-stderr that it is following. An object that becomes invalid is removed, with a warning.
+stderr that it is following. Without --skip-invalid, an object that is invalid at the start is an error;
+one that becomes invalid is removed, with a warning.
 
 --resume NAME keeps in the memory how far it is, in each collection, and which objects it reported: a later
 watch with that name continues there, and reports also what went with a collection that was dropped
@@ -64,8 +65,12 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let frame = args.selection.frame.as_str();
     let follower = Follower::new(&memory, &sources, &frames, frame, args.resume.as_deref());
     let (mut follower, invalid) = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;
+    // What became invalid while nobody watched is no mistake of the command.
+    match args.resume {
+        None => args.selection.more.report(&invalid, context)?,
+        Some(_) => invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}"))),
+    }
     context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
-    invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
     let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let (mut delivered, mut is_lost) = (0, false);
     loop {

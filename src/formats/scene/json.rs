@@ -1,5 +1,5 @@
 //! Scenes as JSON, with objects as they are in documents: `{"frame": F, "objects": [{"name": …}]}`; and
-//! operations, one JSON object a line.
+//! operations, one JSON object a line, or all in one array.
 
 use bson::Document;
 use serde::Deserialize;
@@ -28,7 +28,7 @@ pub const SPELLING: Spelling = Spelling {
     fits: |_| Ok(()),
     write,
     read,
-    recognizes: |text| is_nothing(text) || text.trim_start_matches('\u{feff}').trim_start().starts_with('{'),
+    recognizes: |text| is_nothing(text) || text.trim_start_matches('\u{feff}').trim_start().starts_with(['{', '[']),
 };
 
 /// Whether a text is what `scene diff` prints of equal scenes: no operations, as lines or as one array.
@@ -87,17 +87,22 @@ struct Written<'a> {
 }
 
 fn read(source: &Source) -> Result<Content, Diagnostic> {
-    let text = source.text();
+    let text = source.text().trim_start_matches('\u{feff}');
     if is_nothing(text) {
         return Ok(Content::Operations(Vec::new(), None));
+    }
+    let mark = source.text().len() - text.len();
+    if text.trim_start().starts_with('[') {
+        let all: Vec<&RawValue> = serde_json::from_str(text).map_err(|error| place(source, mark, text, &error))?;
+        return operations(source, all.into_iter().map(|raw| Ok(raw.get())));
     }
     let first = serde_json::Deserializer::from_str(text).into_iter::<Document>().next();
     if let Some(Ok(first)) = &first
         && first.contains_key("operation")
     {
-        return operations(source);
+        return operations(source, objects(source, text));
     }
-    let written: Written<'_> = serde_json::from_str(text).map_err(|error| place(source, 0, text, &error))?;
+    let written: Written<'_> = serde_json::from_str(text).map_err(|error| place(source, mark, text, &error))?;
     let mut scene = Scene { name: written.scene, frame: written.frame, objects: Vec::new() };
     for raw in written.objects {
         scene.objects.push(object(source, raw, &mut scene.frame)?);
@@ -134,20 +139,28 @@ fn stay(frame: &mut Option<String>, read: &Document) -> Result<(), String> {
     Ok(())
 }
 
-/// Operations in one frame, one JSON object after another.
-fn operations(source: &Source) -> Result<Content, Diagnostic> {
-    let text = source.text();
+/// The objects of a text, one after another.
+fn objects<'a>(source: &'a Source, text: &'a str) -> impl Iterator<Item = Result<&'a str, Diagnostic>> + 'a {
+    let mark = source.text().len() - text.len();
+    let read = serde_json::Deserializer::from_str(text).into_iter::<&RawValue>();
+    read.map(move |raw| raw.map(RawValue::get).map_err(|error| place(source, mark, text, &error)))
+}
+
+/// The operations in some parts of a text, in their order.
+fn operations<'a>(
+    source: &Source,
+    parts: impl Iterator<Item = Result<&'a str, Diagnostic>>,
+) -> Result<Content, Diagnostic> {
     let (mut operations, mut frame) = (Vec::new(), None);
-    let mut stream = serde_json::Deserializer::from_str(text).into_iter::<Document>();
-    loop {
-        let start = stream.byte_offset();
-        let Some(next) = stream.next() else { return Ok(Content::Operations(operations, frame)) };
-        let read = next.map_err(|error| place(source, 0, text, &error))?;
-        let start = start + text[start..].len() - text[start..].trim_start().len();
-        let wrong = |message| Diagnostic::new(source, Span::new(start, stream.byte_offset()), message);
+    for part in parts {
+        let part = part?;
+        let start = part.as_ptr() as usize - source.text().as_ptr() as usize;
+        let read: Document = serde_json::from_str(part).map_err(|error| place(source, start, part, &error))?;
+        let wrong = |message| Diagnostic::new(source, Span::new(start, start + part.len()), message);
         operations.push(Operation::read(&read).map_err(wrong)?);
         stay(&mut frame, &read).map_err(wrong)?;
     }
+    Ok(Content::Operations(operations, frame))
 }
 
 /// A complaint of the JSON reader about a part of the text.

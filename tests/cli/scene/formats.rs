@@ -143,6 +143,12 @@ fn an_operation_is_printed_for_each_difference() {
     let array: Vec<serde_json::Value> = serde_json::from_str(&array.stdout).unwrap();
     let lines: Vec<serde_json::Value> = diff.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(array, lines);
+    // Both are read, with and without a mark of the byte order in front.
+    for text in [diff.stdout.clone(), serde_json::to_string(&array).unwrap(), format!("\u{feff}{}", diff.stdout)] {
+        let read =
+            kitchen.lab.rmem_with(&["scene", "apply", "-", "--into", OBJECTS, "--frame", "map", "--dry-run"], &text);
+        assert!(read.code == 0, "{text}: {read}");
+    }
     let applied = kitchen.rmem(&["scene", "apply", "before.json", "--into", OBJECTS, "--dry-run", "--format", "json"]);
     let applied: serde_json::Value = serde_json::from_str(&applied.success()).unwrap();
     assert!(applied.as_array().is_some_and(|changes| changes.len() > 1), "{applied}");
@@ -195,4 +201,22 @@ fn operations_that_change_nothing_are_applied() {
     error: empty:1:1: expected a scene, found nothing
     [exit code: 3]
     ");
+}
+
+#[test]
+fn what_is_no_object_among_operations_is_shown_at_its_place() {
+    let kitchen = Kitchen::new();
+    for text in ["[{\"operation\": \"remove\", \"name\": \"a\"}, [1]]", "{\"frame\": \"map\", \"objects\": [[1]]}"] {
+        let refused = kitchen.lab.rmem_with(&["scene", "apply", "-", "--into", OBJECTS], text).exits(3);
+        assert!(refused.stderr.contains("expected an object, found an array"), "{refused}");
+    }
+}
+
+#[test]
+fn a_watch_refuses_a_frame_that_is_not_there_as_an_export_does() {
+    let kitchen = Kitchen::new();
+    let watch = ["scene", "watch", OBJECTS, "--frame", "nowhere", "--timeout", "1ms"];
+    let refused = kitchen.rmem(&watch).exits(3);
+    assert!(refused.stderr.contains("leave it out with --skip-invalid"), "{refused}");
+    kitchen.rmem(&[&watch[..], &["--skip-invalid"]].concat()).exits(1);
 }
