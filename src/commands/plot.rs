@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::{Source, shell};
 use crate::memory::Memory;
+use crate::plan::Record;
 use crate::store::{Find, Namespace};
 use crate::views::series::{Fields, Taken};
 use crate::views::{Kind, Picture};
@@ -20,10 +21,11 @@ use crate::views::{Kind, Picture};
 #[command(after_help = "Examples:\n  rmem plot robmem.worldmodel --kind map -o map.svg\n  \
 rmem plot robmem.battery --x time --y charge --by robot -o charge.png\n  \
 rmem plot robmem.objects \"[{\\$group: {_id: '\\$type', count: {\\$sum: 1}}}]\" --x _id --y count \\\n    --kind bars -o types.svg\n  \
-rmem plot robmem.jobs --kind timeline --from begun --to ended --label name --by robot -o jobs.svg\n\n\
+rmem plot robmem.jobs --kind timeline --from begun --to ended --label name --by robot -o jobs.svg\n  \
+rmem plot robmem.plans --kind timeline --by status -o executed.svg\n\n\
 FIELD is a dotted path; a number in it is an index, as in translation.0. Dates are an axis of time. A map\n\
 draws positions to scale, by default the x and y of translation, with names and with headings (by default how\n\
-rotation turns about z). Bars without --y count documents. Documents without the fields are left out; their number\n\
+rotation turns about z). A timeline of plans has their steps as they were executed. Bars without --y count documents. Documents without the fields are left out; their number\n\
 is reported on stderr. A file that ends in .png is a PNG, any other is SVG.")]
 pub struct PlotArgs {
     /// Collection, as DATABASE.COLLECTION
@@ -208,6 +210,11 @@ fn fields(args: &PlotArgs, kind: Kind) -> Result<Fields, UsageError> {
     })
 }
 
+/// Whether a timeline has the steps of plans, as they were executed: where no other fields are named.
+fn draws_plans(args: &PlotArgs) -> bool {
+    args.kind == PlotKind::Timeline && [&args.from, &args.to, &args.label].into_iter().all(Option::is_none)
+}
+
 fn take(args: &PlotArgs, fields: &Fields, kind: Kind, memory: &Memory) -> Result<Taken> {
     let given = [("<pipeline>", args.pipeline.as_str())];
     let documents = if args.pipeline.trim_start().starts_with('[') {
@@ -220,7 +227,11 @@ fn take(args: &PlotArgs, fields: &Fields, kind: Kind, memory: &Memory) -> Result
     let mut taken = Taken::default();
     for document in documents.map_err(|error| blame(error, &given))? {
         let document = document.and_then(owned).map_err(|error| blame(error, &given))?;
-        taken.take(&document, fields, kind);
+        let steps = if draws_plans(args) { Record { document: document.clone() }.intervals() } else { Vec::new() };
+        match steps.as_slice() {
+            [] => taken.take(&document, fields, kind),
+            steps => steps.iter().for_each(|step| taken.take(step, fields, kind)),
+        }
     }
     Ok(taken)
 }

@@ -77,6 +77,22 @@ impl Record {
         progress.iter().enumerate().filter_map(step).map(Bson::Document).collect()
     }
 
+    /// Returns the steps that were begun and ended, as documents of intervals: `{name, from, to, status}`.
+    #[must_use]
+    pub fn intervals(&self) -> Vec<Document> {
+        let (steps, progress) = (self.steps(), self.progress());
+        let interval = |(step, progress): (&Bson, &Progress)| {
+            let step = step.as_document()?;
+            let words = step.get_array("list").into_iter().flatten().filter_map(Bson::as_str);
+            let words: Vec<&str> = step.get_str("action").into_iter().chain(words).collect();
+            let name = format!("({})", words.join(" "));
+            Some(
+                doc! { "name": name, "from": progress.started?, "to": progress.ended?, "status": progress.status.word() },
+            )
+        };
+        steps.iter().zip(&progress).filter_map(interval).collect()
+    }
+
     fn sections(&self) -> Array {
         let queries = self.lineage().and_then(|lineage| lineage.get_array("queries").ok()).into_iter().flatten();
         let section = |query: &Bson| {

@@ -51,7 +51,7 @@ pub fn check(document: &Document) -> Result<(), QueryError> {
     }
 }
 
-fn check_info(info: &Document) -> Result<(), QueryError> {
+fn check_info<'a>(info: impl IntoIterator<Item = (&'a String, &'a Bson)>) -> Result<(), QueryError> {
     for (key, value) in info {
         match (key.as_str(), value) {
             (PERSISTENT, Bson::Boolean(_)) | (DECAY, Bson::DateTime(_)) | (INSERTED | UPDATED, _) => {}
@@ -163,7 +163,9 @@ fn check_path(path: &str, value: Option<&Bson>) -> Result<(), QueryError> {
         return Ok(());
     }
     match (names.next(), names.next(), value) {
-        (Some(key @ (PERSISTENT | DECAY)), None, Some(value)) => check_info(&doc! { key: value.clone() }),
+        (Some(key), None, Some(value)) if [PERSISTENT, DECAY].contains(&key) || NOTES.contains(&key) => {
+            check_info(&doc! { key: value.clone() })
+        }
         (Some(PERSISTENT | DECAY), None, None) => Ok(()),
         (Some(key), ..) if NOTES.contains(&key) => Ok(()),
         _ => Err(reserved(path)),
@@ -212,7 +214,7 @@ pub(crate) fn update(
     at: DateTime,
 ) -> Result<Option<RawDocumentBuf>, QueryError> {
     let (mut info, before) = (info(new)?, info(old).unwrap_or_default());
-    check_info(&info)?;
+    check_info(info.iter().filter(|(key, value)| before.get(key) != Some(*value)))?;
     if own(&info) == own(&before) && same(old, new)? {
         return Ok(None);
     }

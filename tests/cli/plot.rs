@@ -41,6 +41,21 @@ fn documents_are_drawn_as_svg_and_png() {
 }
 
 #[test]
+fn a_timeline_of_plans_has_their_steps_as_they_were_executed() {
+    let lab = Lab::new();
+    let plan = ["plan", "-q", "-d", "domains/blocksworld/domain.pddl", "-t", "templates/blocksworld/problem.pddl.j2"];
+    lab.rmem(&[&plan[..], &["--load", "fixtures/blocksworld.json", "--goal", "(and (on A B) (on B C))"]].concat())
+        .success();
+    let plot = ["plot", "robmem.plans", "--kind", "timeline", "--by", "status", "-o", "-"];
+    lab.rmem(&plot).exits(3);
+    for status in ["--started", "--done"] {
+        lab.rmem(&["plan", "step", "last", "1", status]).success();
+    }
+    let svg = lab.rmem(&plot).success();
+    assert!(svg.contains(">(stack B C)<") && !svg.contains("(unstack D A)"), "{svg}");
+}
+
+#[test]
 fn odd_names_and_huge_numbers_leave_a_drawing_that_can_be_read() {
     let lab = Lab::new();
     let documents = [r"{x: 'a\u0007<b', y: 1}", "{x: 'c', y: 9e299}", "{x: 'd', y: 2e300}"];

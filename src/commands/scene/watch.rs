@@ -65,12 +65,14 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
     let frame = args.selection.frame.as_str();
     let follower = Follower::new(&memory, &sources, &frames, frame, args.resume.as_deref());
     let (mut follower, invalid) = follower.map_err(|error| blame(error, &[("<query>", &args.selection.query)]))?;
-    // What became invalid while nobody watched is no mistake of the command.
-    match args.resume {
-        None => args.selection.more.report(&invalid, context)?,
-        Some(_) => invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}"))),
+    if args.resume.is_none() {
+        args.selection.more.report(&invalid, context)?;
     }
     context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
+    // What became invalid while nobody watched is no mistake of the command.
+    if args.resume.is_some() {
+        invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
+    }
     let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let (mut delivered, mut is_lost) = (0, false);
     loop {
