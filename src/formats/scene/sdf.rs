@@ -267,6 +267,9 @@ fn read_shape(body: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
     let geometry = body.needs("geometry")?;
     geometry.only(&["box", "sphere", "cylinder", "plane", "mesh"], &[])?;
     let kind = geometry.children().next().ok_or_else(|| geometry.wrong("<geometry> has no shape"))?;
+    if kind.name() == "plane" && body.name() == "visual" {
+        return sheet(kind, &pose);
+    }
     let solid = match kind.name() {
         "box" => Solid::Box(kind.needs("size")?.own_numbers()?),
         "sphere" => Solid::Sphere(kind.number_in("radius")?),
@@ -279,6 +282,20 @@ fn read_shape(body: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
     };
     solid.check().map_err(|wrong| kind.wrong(format!("a {} that {wrong}", solid.kind().name())))?;
     Ok(Shape::new(solid, pose))
+}
+
+/// The thickness in metres of the box that a visual plane is read as.
+const SHEET: f64 = 0.001;
+
+/// A visual plane, which has an extent: a thin box whose upper face it is. Only planes of collisions are endless.
+fn sheet(plane: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
+    let normal = plane.needs("normal")?.own_numbers()?;
+    let [x, y] = plane.needs("size")?.own_numbers()?;
+    let solid = Solid::Box([x, y, SHEET]);
+    let checked = Solid::Plane { normal, offset: 0.0 }.check().and_then(|()| solid.check());
+    checked.map_err(|wrong| plane.wrong(format!("a plane that {wrong}")))?;
+    let pose = Pose { translation: normal.map(|part| -part * SHEET / 2.0), rotation: from_z_to(normal) };
+    Ok(Shape::new(solid, around.around(&pose)))
 }
 
 /// A pose in the element around it.

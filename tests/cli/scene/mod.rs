@@ -1,5 +1,6 @@
 //! scene: scenes for motion planners exported, compared, followed, checked, written back and drawn.
 
+mod foreign;
 mod formats;
 mod refused;
 mod watch;

@@ -1,0 +1,69 @@
+//! Files of other programs: what is read of them, what is passed over, and what is refused with its place.
+
+use crate::lab::{Finished, Lab};
+
+/// What `scene apply` of a file would do, in an empty memory.
+#[track_caller]
+fn applied(lab: &Lab, file: &str, text: &str) -> Finished {
+    lab.write(file, text);
+    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "map", "--dry-run"])
+}
+
+/// The documents that a file makes, a line each.
+#[track_caller]
+fn documents(file: &str, text: &str) -> String {
+    let lab = Lab::new();
+    lab.write(file, text);
+    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "map"]).success();
+    lab.rmem(&["query", "robmem.things", "{}", "--fields", "{_id: 0}", "--sort", "{name: 1}"]).success()
+}
+
+/// The error that a file is refused with. Nothing is written.
+#[track_caller]
+fn refused(file: &str, text: &str) -> String {
+    let lab = Lab::new();
+    let refused = applied(&lab, file, text).exits(3);
+    assert_eq!(refused.stdout, "");
+    refused.stderr
+}
+
+/// An SDF model with this in its link.
+fn sdf(link: &str) -> String {
+    format!("<sdf version='1.6'><model name='a'><link name='l'>{link}</link></model></sdf>")
+}
+
+#[test]
+fn a_visual_plane_of_sdf_is_a_thin_box_and_one_of_collisions_is_endless() {
+    let plane =
+        "<pose>1 0 0.5 0 0 0</pose><geometry><plane><normal>0 0 1</normal><size>0.2 0.1</size></plane></geometry>";
+    let visual = format!("<visual name='v'>{plane}</visual>");
+    let sheet = documents("a.sdf", &sdf(&visual));
+    let expected = r#""geometry":{"type":"box","size":[0.2,0.1,0.001],"translation":[1.0,0.0,0.4995]}"#;
+    assert!(sheet.contains(expected), "{sheet}");
+    let endless = documents("a.sdf", &sdf(&format!("<collision name='c'>{plane}</collision>{visual}")));
+    let expected = r#""geometry":{"type":"plane","normal":[0.0,0.0,1.0],"offset":0.5},"static":true"#;
+    assert!(endless.contains(expected), "{endless}");
+    // It is turned with its normal, and overlaps only what it reaches.
+    let lab = Lab::new();
+    let wall = visual.replace("0 0 1<", "1 0 0<");
+    let ball = |x: f64, y: f64| {
+        format!(
+            "<model name='ball'><link name='l'><pose>{x} {y} 0.5 0 0 0</pose><collision name='c'><geometry>\
+             <sphere><radius>0.1</radius></sphere></geometry></collision></link></model>"
+        )
+    };
+    for (x, y, code) in [(0.95, 0.0, 1), (0.85, 0.0, 0), (0.95, 0.5, 0), (1.05, 0.0, 1), (-3.0, 0.0, 0)] {
+        lab.rmem(&["drop", "robmem.things"]);
+        lab.write("w.sdf", &sdf(&wall).replace("</sdf>", &format!("{}</sdf>", ball(x, y))));
+        lab.rmem(&["scene", "apply", "w.sdf", "--into", "robmem.things", "--frame", "map"]).success();
+        lab.rmem(&["scene", "check", "robmem.things", "--frame", "map"]).exits(code);
+    }
+    for (wrong, words) in [
+        (visual.replace("0.2 0.1", "0 0.1"), "a.sdf:1:104: a plane that has the size [0, 0.1, 0.001]"),
+        (visual.replace("0 0 1<", "0 0 0<"), "a plane that has the normal [0.0, 0.0, 0.0]"),
+        (visual.replace("<size>0.2 0.1</size>", ""), "a.sdf:1:104: <plane> has no <size>"),
+    ] {
+        let error = refused("a.sdf", &sdf(&wrong));
+        assert!(error.contains(words), "{error}");
+    }
+}
