@@ -141,6 +141,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
             "kinbody" => scene.objects.push(kinbody(root)?),
             "environment" => {
                 root.only(&["kinbody", "unit"], &IGNORED)?;
+                no_other_files(root)?;
                 for child in root.children() {
                     match lower(child).as_str() {
                         "kinbody" => scene.objects.push(kinbody(child)?),
@@ -167,7 +168,28 @@ fn metres(unit: Element<'_>) -> Result<(), Diagnostic> {
     }
 }
 
+/// Refuses what OpenRAVE would take from another file, and what changes its size.
+fn no_other_files(element: Element<'_>) -> Result<(), Diagnostic> {
+    if let Some(file) = element.attribute("file") {
+        let message = format!("<{}> includes the file `{file}`, which is not read", element.name());
+        let hint = "write what it has here in its place; only a <KinBody> may name a file, as its model";
+        return Err(element.wrong_attribute("file", message).hint(hint));
+    }
+    as_large_as_it_says(element)
+}
+
+/// Refuses attributes that change the shapes of the element.
+fn as_large_as_it_says(element: Element<'_>) -> Result<(), Diagnostic> {
+    match ["scalegeometry", "skipgeometry"].into_iter().find(|name| element.attribute(name).is_some()) {
+        None => Ok(()),
+        Some(name) => Err(element
+            .wrong_attribute(name, format!("`{name}` of <{}> changes shapes, and is not read", element.name()))
+            .hint("give the shapes their own sizes")),
+    }
+}
+
 fn kinbody(element: Element<'_>) -> Result<Object, Diagnostic> {
+    as_large_as_it_says(element)?;
     element.only(&[&PLACES[..], &["body"]].concat(), &IGNORED)?;
     let mut object = Object {
         name: element.needs_attribute("name")?.to_owned(),
@@ -180,7 +202,13 @@ fn kinbody(element: Element<'_>) -> Result<Object, Diagnostic> {
     if let Some(second) = second {
         return Err(second.wrong("a second <Body>; an object of a scene has one"));
     }
+    if let Some(file) = &object.model {
+        return Err(body
+            .wrong(format!("a <Body> beside the file `{file}`, which is not read; expected one of both"))
+            .hint("write the bodies of that file here, and remove `file`"));
+    }
     body.only(&[&PLACES[..], &["geom", "mass"]].concat(), &IGNORED)?;
+    no_other_files(body)?;
     let own = read_place(body)?;
     object.fixed = body.attribute("type").is_some_and(|kind| kind.eq_ignore_ascii_case("static"));
     if let Some(total) = body.child("mass").and_then(|mass| mass.child("total")) {
@@ -233,6 +261,7 @@ fn read_geom(geom: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
         "transparency",
     ];
     geom.only(&[&PLACES[..], &known].concat(), &["ambientcolor", "render", "name"])?;
+    no_other_files(geom)?;
     let mut pose = read_place(geom)?;
     let kind = geom.needs_attribute("type")?;
     let solid = match kind.to_ascii_lowercase().as_str() {

@@ -67,3 +67,43 @@ fn a_visual_plane_of_sdf_is_a_thin_box_and_one_of_collisions_is_endless() {
         assert!(error.contains(words), "{error}");
     }
 }
+
+#[test]
+fn files_that_openrave_would_include_are_refused_by_name() {
+    let body = "<Body type='static'><Geom type='box'><extents>1 1 1</extents></Geom></Body>";
+    let error = refused(
+        "a.env.xml",
+        &format!("<Environment file='data/other.env.xml'>\n<KinBody name='a'>{body}</KinBody>\n</Environment>"),
+    );
+    insta::assert_snapshot!(error, @r"
+    error: a.env.xml:1:20: <Environment> includes the file `data/other.env.xml`, which is not read
+      |
+    1 | <Environment file='data/other.env.xml'>
+      |                    ^^^^^^^^^^^^^^^^^^
+      = hint: write what it has here in its place; only a <KinBody> may name a file, as its model
+    ");
+    for (text, words) in [
+        (
+            format!("<KinBody name='a'>{}</KinBody>", body.replace("<Body", "<Body file='b.xml'")),
+            "a.xml:1:31: <Body> includes the file `b.xml`",
+        ),
+        (
+            format!("<KinBody name='a'>{}</KinBody>", body.replace("<Geom", "<Geom file='b.xml'")),
+            "<Geom> includes the file `b.xml`",
+        ),
+        (format!("<KinBody name='a' file='b.xml'>{body}</KinBody>"), "a.xml:1:32: a <Body> beside the file `b.xml`"),
+        (
+            format!("<KinBody name='a' scalegeometry='2'>{body}</KinBody>"),
+            "a.xml:1:34: `scalegeometry` of <KinBody> changes shapes",
+        ),
+    ] {
+        let error = refused("a.xml", &text);
+        assert!(error.contains(words), "{error}");
+    }
+    // The file of a body is the object's model.
+    let model = documents(
+        "a.xml",
+        "<Environment><KinBody name='a' file='b.xml'><Translation>1 2 3</Translation></KinBody></Environment>",
+    );
+    assert!(model.contains(r#""translation":[1.0,2.0,3.0]"#) && model.contains(r#""model":"b.xml""#), "{model}");
+}
