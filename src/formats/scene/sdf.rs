@@ -307,7 +307,13 @@ fn read_local(pose: Element<'_>) -> Result<Pose, Diagnostic> {
 }
 
 fn read_pose(pose: Element<'_>) -> Result<Pose, Diagnostic> {
-    pose.only_attributes(&["relative_to", "rotation_format", "degrees"])?;
+    pose.only_attributes(&["relative_to", "rotation_format", "degrees", "frame"])?;
+    // The word of SDF 1.5 and 1.6, in which programs never agreed on what it is relative to.
+    if let Some(frame) = pose.attribute("frame").filter(|frame| !frame.is_empty()) {
+        let message = format!("a pose in the frame `{frame}`, which is not read; expected `frame` to be empty");
+        let hint = "since SDF 1.7, the pose of a model in a world may have `relative_to` instead";
+        return Err(pose.wrong_attribute("frame", message).hint(hint));
+    }
     match pose.attribute("rotation_format") {
         Some("quat_xyzw") => {
             let [x, y, z, rotation @ ..]: [f64; 7] = pose.own_numbers()?;

@@ -6,7 +6,7 @@ use crate::lab::{Finished, Lab};
 #[track_caller]
 fn applied(lab: &Lab, file: &str, text: &str) -> Finished {
     lab.write(file, text);
-    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "map", "--dry-run"])
+    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "world", "--dry-run"])
 }
 
 /// The documents that a file makes, a line each.
@@ -14,7 +14,7 @@ fn applied(lab: &Lab, file: &str, text: &str) -> Finished {
 fn documents(file: &str, text: &str) -> String {
     let lab = Lab::new();
     lab.write(file, text);
-    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "map"]).success();
+    lab.rmem(&["scene", "apply", file, "--into", "robmem.things", "--frame", "world"]).success();
     lab.rmem(&["query", "robmem.things", "{}", "--fields", "{_id: 0}", "--sort", "{name: 1}"]).success()
 }
 
@@ -55,8 +55,8 @@ fn a_visual_plane_of_sdf_is_a_thin_box_and_one_of_collisions_is_endless() {
     for (x, y, code) in [(0.95, 0.0, 1), (0.85, 0.0, 0), (0.95, 0.5, 0), (1.05, 0.0, 1), (-3.0, 0.0, 0)] {
         lab.rmem(&["drop", "robmem.things"]);
         lab.write("w.sdf", &sdf(&wall).replace("</sdf>", &format!("{}</sdf>", ball(x, y))));
-        lab.rmem(&["scene", "apply", "w.sdf", "--into", "robmem.things", "--frame", "map"]).success();
-        lab.rmem(&["scene", "check", "robmem.things", "--frame", "map"]).exits(code);
+        lab.rmem(&["scene", "apply", "w.sdf", "--into", "robmem.things", "--frame", "world"]).success();
+        lab.rmem(&["scene", "check", "robmem.things", "--frame", "world"]).exits(code);
     }
     for (wrong, words) in [
         (visual.replace("0.2 0.1", "0 0.1"), "a.sdf:1:104: a plane that has the size [0, 0.1, 0.001]"),
@@ -106,4 +106,21 @@ fn files_that_openrave_would_include_are_refused_by_name() {
         "<Environment><KinBody name='a' file='b.xml'><Translation>1 2 3</Translation></KinBody></Environment>",
     );
     assert!(model.contains(r#""translation":[1.0,2.0,3.0]"#) && model.contains(r#""model":"b.xml""#), "{model}");
+}
+
+#[test]
+fn the_frame_of_a_pose_in_older_sdf_may_be_empty() {
+    let text = |pose: &str| {
+        sdf("<visual name='v'><geometry><sphere><radius>1</radius></sphere></geometry></visual>")
+            .replace("<link", &format!("{pose}<link"))
+    };
+    let taken = documents("a.sdf", &text("<pose frame=''>1 2 3 0 0 0</pose>"));
+    assert!(taken.contains(r#""translation":[1.0,2.0,3.0]"#), "{taken}");
+    insta::assert_snapshot!(refused("a.sdf", &text("<pose frame='base'>1 2 3 0 0 0</pose>")), @r"
+    error: a.sdf:1:49: a pose in the frame `base`, which is not read; expected `frame` to be empty
+      |
+    1 | <sdf version='1.6'><model name='a'><pose frame='base'>1 2 3 0 0 0</pose><link name='l'><visual name=
+      |                                                 ^^^^
+      = hint: since SDF 1.7, the pose of a model in a world may have `relative_to` instead
+    ");
 }
