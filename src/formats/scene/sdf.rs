@@ -248,7 +248,7 @@ fn read_link(link: Element<'_>, object: &mut Object) -> Result<(), Diagnostic> {
 fn read_color(visual: Element<'_>) -> Result<Option<[f64; 4]>, Diagnostic> {
     let Some(material) = visual.child("material") else { return Ok(None) };
     let color = material.child("diffuse").or_else(|| material.child("ambient"));
-    color.map(|color| color.color(color.own_numbers()?)).transpose()
+    color.map(|color| color.color(color.own_color()?)).transpose()
 }
 
 fn read_shape(body: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {

@@ -161,6 +161,18 @@ impl<'a> Element<'a> {
         numbers(self.text()).map_err(|wrong| self.wrong_text(format!("<{}> {wrong}", self.name())))
     }
 
+    /// Red, green, blue and opacity as its text; a colour of three numbers is opaque.
+    pub(super) fn own_color(&self) -> Result<[f64; 4], Diagnostic> {
+        match list(self.text()).as_deref() {
+            Ok([r, g, b]) => Ok([*r, *g, *b, 1.0]),
+            Ok([r, g, b, a]) => Ok([*r, *g, *b, *a]),
+            Ok(other) => {
+                Err(self.wrong_text(format!("<{}> has {} numbers; expected 3 or 4", self.name(), other.len())))
+            }
+            Err(wrong) => Err(self.wrong_text(format!("<{}> {wrong}", self.name()))),
+        }
+    }
+
     /// A number as the text of a child that has to be there.
     pub(super) fn number_in(&self, name: &str) -> Result<f64, Diagnostic> {
         self.needs(name)?.own_numbers().map(|[number]| number)

@@ -124,3 +124,23 @@ fn the_frame_of_a_pose_in_older_sdf_may_be_empty() {
       = hint: since SDF 1.7, the pose of a model in a world may have `relative_to` instead
     ");
 }
+
+#[test]
+fn a_color_of_sdf_with_three_numbers_is_opaque() {
+    let text = |color: &str| {
+        let geometry = "<geometry><sphere><radius>1</radius></sphere></geometry>";
+        sdf(&format!("<visual name='v'>{geometry}<material><diffuse>{color}</diffuse></material></visual>"))
+    };
+    for (color, expected) in [("0 0.1 0.2", "[0.0,0.1,0.2,1.0]"), ("0 0.1 0.2 0.3", "[0.0,0.1,0.2,0.3]")] {
+        let read = documents("a.sdf", &text(color));
+        assert!(read.contains(&format!(r#""color":{expected}"#)), "{read}");
+    }
+    for (color, words) in [
+        ("0 0.1", "a.sdf:1:143: <diffuse> has 2 numbers; expected 3 or 4"),
+        ("0 0 0 0 1", "<diffuse> has 5 numbers; expected 3 or 4"),
+        ("0 0 red", "<diffuse> has `red`; expected a finite number"),
+    ] {
+        let error = refused("a.sdf", &text(color));
+        assert!(error.contains(words), "{error}");
+    }
+}
