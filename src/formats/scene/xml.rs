@@ -1,7 +1,13 @@
 //! XML with places: elements whose attributes and texts are read as numbers, and escapes for writing.
 
+mod expanded;
+mod text;
+
+use std::ops::Range;
+
 use super::{Mesh, Object, Pose, Solid};
 use crate::formats::{Diagnostic, Source, Span};
+use text::Text;
 
 /// How deep elements may be nested; no scene is deeper than some ten.
 const MAX_DEPTH: usize = 100;
@@ -9,7 +15,7 @@ const MAX_DEPTH: usize = 100;
 /// An element, with the text that it stands in.
 #[derive(Clone, Copy)]
 pub(super) struct Element<'a> {
-    source: &'a Source,
+    text: &'a Text<'a>,
     node: roxmltree::Node<'a, 'a>,
 }
 
@@ -19,17 +25,35 @@ pub(super) fn parse<T>(
     read: impl FnOnce(Element<'_>) -> Result<T, Diagnostic>,
 ) -> Result<T, Diagnostic> {
     check_depth(source)?;
-    let document = roxmltree::Document::parse(source.text()).map_err(|error| {
-        let message = error.to_string();
-        let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
-        let place = offset(source.text(), error.pos());
-        Diagnostic::new(source, Span::at(place), format!("this is no XML: {message}"))
-    })?;
-    read(Element { source, node: document.root_element() })
+    let mut text = Text::new(source);
+    loop {
+        let whole = text.whole();
+        match roxmltree::Document::parse(&whole) {
+            Ok(document) => {
+                let root = Element { text: &text, node: document.root_element() };
+                return expanded::check(root).and_then(|()| read(root));
+            }
+            Err(roxmltree::Error::UnknownNamespace(prefix, _)) if text.declare(&prefix) => {}
+            Err(error) => return Err(no_xml(&text, &whole, &error)),
+        }
+    }
+}
+
+/// What the parser complains about.
+fn no_xml(text: &Text<'_>, whole: &str, error: &roxmltree::Error) -> Diagnostic {
+    let message = error.to_string();
+    let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
+    let place = offset(whole, error.pos());
+    text.wrong(place..place, format!("this is no XML: {message}"))
 }
 
 /// The root element's name, where a text looks like XML.
 pub(super) fn root(text: &str) -> Option<&str> {
+    text.get(root_range(text)?)
+}
+
+/// Where the root element's name is.
+fn root_range(text: &str) -> Option<Range<usize>> {
     let mut rest = text.trim_start_matches('\u{feff}').trim_start();
     loop {
         rest = rest.strip_prefix('<')?;
@@ -41,10 +65,18 @@ pub(super) fn root(text: &str) -> Option<&str> {
                     .map_or_else(|| rest.find('>'), |end| Some(end + 5))?
                     + 1
             }
-            _ => return rest.split(|c: char| c.is_whitespace() || c == '>' || c == '/').next(),
+            _ => {
+                let start = text.len() - rest.len();
+                return Some(start..start + tag_name(rest).len());
+            }
         };
         rest = rest.get(end..)?.trim_start();
     }
+}
+
+/// The name at the beginning of what follows a `<`.
+fn tag_name(tag: &str) -> &str {
+    tag.split(|c: char| c.is_whitespace() || c == '>' || c == '/').next().unwrap_or_default()
 }
 
 /// Refuses what is nested too deeply, before anything recurses: counts start and end tags.
@@ -87,15 +119,26 @@ fn offset(text: &str, position: roxmltree::TextPos) -> usize {
 }
 
 impl<'a> Element<'a> {
-    /// The tag's name.
+    /// The tag's name, with its prefix.
     pub(super) fn name(&self) -> &'a str {
-        self.node.tag_name().name()
+        if self.node.tag_name().namespace().is_none() {
+            return self.node.tag_name().name();
+        }
+        let tag = self.node.document().input_text().get(self.node.range().start + 1..);
+        tag.map(tag_name).unwrap_or_default()
     }
 
-    /// The elements in it.
+    /// The elements in it. Those whose name has a prefix are for other programs.
     pub(super) fn children(&self) -> impl Iterator<Item = Element<'a>> + 'a {
-        let source = self.source;
-        self.node.children().filter(roxmltree::Node::is_element).map(move |node| Element { source, node })
+        let text = self.text;
+        let elements = self.node.children().filter(roxmltree::Node::is_element);
+        elements.map(move |node| Element { text, node }).filter(|element| !element.name().contains(':'))
+    }
+
+    /// The element, all elements in it, and those in them.
+    fn all(&self) -> impl Iterator<Item = Element<'a>> + 'a {
+        let text = self.text;
+        self.node.descendants().filter(roxmltree::Node::is_element).map(move |node| Element { text, node })
     }
 
     /// The first element in it that has this name.
@@ -116,15 +159,15 @@ impl<'a> Element<'a> {
     /// A complaint about the element.
     pub(super) fn wrong(&self, message: impl Into<String>) -> Diagnostic {
         let start = self.node.range().start;
-        Diagnostic::new(self.source, Span::new(start, start + 1 + self.name().len()), message)
+        self.text.wrong(start..start + 1 + self.name().len(), message)
     }
 
     /// A complaint about the text in it.
     fn wrong_text(&self, message: impl Into<String>) -> Diagnostic {
         let range = self.node.first_child().map_or_else(|| self.node.range(), |text| text.range());
-        let text = self.source.text().get(range.clone()).unwrap_or_default();
+        let text = self.text.part(range.clone());
         let start = range.start + text.len() - text.trim_start().len();
-        Diagnostic::new(self.source, Span::new(start, start + text.trim().len().max(1)), message)
+        self.text.wrong(start..start + text.trim().len().max(1), message)
     }
 
     /// An attribute.
@@ -140,8 +183,7 @@ impl<'a> Element<'a> {
     /// A complaint about an attribute.
     pub(super) fn wrong_attribute(&self, name: &str, message: impl Into<String>) -> Diagnostic {
         let Some(attribute) = self.node.attribute_node(name) else { return self.wrong(message) };
-        let range = attribute.range_value();
-        Diagnostic::new(self.source, Span::new(range.start, range.end), message)
+        self.text.wrong(attribute.range_value(), message)
     }
 
     /// Exactly so many numbers in an attribute, where it is there.
@@ -200,15 +242,16 @@ impl<'a> Element<'a> {
         }
     }
 
-    /// Refuses attributes that are not in the list.
+    /// Refuses attributes that are not in the list. Those whose name has a prefix are for other programs.
     pub(super) fn only_attributes(&self, known: &[&str]) -> Result<(), Diagnostic> {
-        match self.node.attributes().find(|attribute| !known.contains(&attribute.name())) {
+        let mut own = self.node.attributes().filter(|attribute| attribute.namespace().is_none());
+        match own.find(|attribute| !known.contains(&attribute.name())) {
             None => Ok(()),
             Some(unknown) => {
                 let name = unknown.name();
-                let range = unknown.range();
                 let message = format!("unknown attribute `{name}` of <{}>; expected {}", self.name(), known.join(", "));
-                Err(Diagnostic::new(self.source, Span::new(range.start, range.start + name.len()), message))
+                let start = unknown.range().start;
+                Err(self.text.wrong(start..start + name.len(), message))
             }
         }
     }

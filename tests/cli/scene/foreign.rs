@@ -144,3 +144,40 @@ fn a_color_of_sdf_with_three_numbers_is_opaque() {
         assert!(error.contains(words), "{error}");
     }
 }
+
+#[test]
+fn elements_and_attributes_with_a_prefix_are_passed_over() {
+    let body = "<collision name='c'><geometry><box><size>1 2 3</size></box></geometry>\
+        <drake:proximity_properties drake:a='1'><drake:mu_dynamic>0.5</drake:mu_dynamic><pose>9 9 9 0 0 0</pose>\
+        </drake:proximity_properties></collision>";
+    let plain =
+        documents("a.sdf", &sdf("<collision name='c'><geometry><box><size>1 2 3</size></box></geometry></collision>"));
+    let custom = sdf(body).replace("<link", "<gz:link name='x'/><pose gz:type='b'></pose><link");
+    let declared = custom.replace("<sdf", "<sdf xmlns:drake='drake.mit.edu' xmlns:gz='gazebosim.org'");
+    for text in [&custom, &declared] {
+        assert_eq!(documents("a.sdf", text), plain, "{text}");
+    }
+    let robot = "<robot name='r'><link name='world'/><link name='a'><collision><geometry><box size='1 2 3'/></geometry>\
+        <drake:proximity_properties/></collision><controller:x/></link><joint name='j' type='floating'>\
+        <parent link='world'/><child link='a'/></joint></robot>";
+    assert!(documents("a.urdf", robot).contains(r#""geometry":{"type":"box","size":[1.0,2.0,3.0]}"#));
+    // Places are those of the file, without any declaration.
+    for (text, words) in [
+        (custom.replace("1 2 3", "1 2"), "a.sdf:1:136: <size> has 2 numbers; expected 3"),
+        (custom.replace("1 2 3", "1 2").replace("'1.6'>", "'1.6'>\n"), "a.sdf:2:117: <size> has 2 numbers; expected 3"),
+        (custom.replace("gz:type='b'", "type='b'"), "a.sdf:1:61: unknown attribute `type` of <pose>"),
+        (custom.replace("</model>", "</modell>"), "this is no XML: expected 'model' tag, not 'modell'"),
+        (
+            custom.replace("<drake:prox", "<prox").replace("</drake:prox", "</prox"),
+            "unknown element <proximity_properties> in <collision>",
+        ),
+        (
+            custom.replace("gz:link name='x'", "xi:include href='b.sdf'"),
+            "a.sdf:1:36: <xi:include> includes another file, which is not read",
+        ),
+        (custom.replace("sdf ", "gz:sdf ").replace("/sdf", "/gz:sdf"), "this looks like no format of scenes"),
+    ] {
+        let error = refused("a.sdf", &text);
+        assert!(error.contains(words), "{error}");
+    }
+}
