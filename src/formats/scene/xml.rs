@@ -1,6 +1,7 @@
 //! XML with places: elements whose attributes and texts are read as numbers, and escapes for writing.
 
 mod expanded;
+mod malformed;
 mod text;
 
 use std::ops::Range;
@@ -34,17 +35,9 @@ pub(super) fn parse<T>(
                 return expanded::check(root).and_then(|()| read(root));
             }
             Err(roxmltree::Error::UnknownNamespace(prefix, _)) if text.declare(&prefix) => {}
-            Err(error) => return Err(no_xml(&text, &whole, &error)),
+            Err(error) => return Err(malformed::explain(&text, &whole, &error)),
         }
     }
-}
-
-/// What the parser complains about.
-fn no_xml(text: &Text<'_>, whole: &str, error: &roxmltree::Error) -> Diagnostic {
-    let message = error.to_string();
-    let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
-    let place = offset(whole, error.pos());
-    text.wrong(place..place, format!("this is no XML: {message}"))
 }
 
 /// The root element's name, where a text looks like XML.
@@ -109,13 +102,6 @@ fn closes_itself(tag: &[u8]) -> bool {
         }
     }
     false
-}
-
-fn offset(text: &str, position: roxmltree::TextPos) -> usize {
-    let (row, column) = (position.row.max(1) as usize, position.col.max(1) as usize);
-    let start: usize = text.split_inclusive('\n').take(row - 1).map(str::len).sum();
-    let line = text.get(start..).unwrap_or_default();
-    start + line.char_indices().nth(column - 1).map_or(line.len(), |(at, _)| at)
 }
 
 impl<'a> Element<'a> {
@@ -293,6 +279,9 @@ fn list(text: &str) -> Result<Vec<f64>, String> {
             .filter(|number| number.is_finite())
             .ok_or_else(|| format!("has `{word}`; expected a finite number"))
     };
+    if let Some(expression) = expanded::expression(text) {
+        return Err(format!("has `{expression}`, an expression of Xacro; `xacro FILE > robot.urdf` makes the URDF"));
+    }
     text.split_ascii_whitespace().map(number).collect()
 }
 

@@ -181,3 +181,56 @@ fn elements_and_attributes_with_a_prefix_are_passed_over() {
         assert!(error.contains(words), "{error}");
     }
 }
+
+#[test]
+fn two_hyphens_in_a_comment_are_shown_at_their_place() {
+    let comment = "<?xml version='1.0'?>\n<!--\n  a\n  gz topic --msgtype x\n-->\n";
+    insta::assert_snapshot!(refused("a.sdf", &format!("{comment}{}", sdf(""))), @r"
+    error: a.sdf:4:12: this is no XML: a comment has `--` in it, which XML allows only in the `-->` at its end
+      |
+    4 |   gz topic --msgtype x
+      |            ^^
+      = hint: write one hyphen, or a blank between the two
+    ");
+    let text = sdf("<!-- a --->");
+    let error = refused("a.sdf", &text);
+    assert!(error.contains("a.sdf:1:58: this is no XML: a comment has `--` in it"), "{error}");
+    insta::assert_snapshot!(refused("a.sdf", "<!-- by hand -->\n<?xml version='1.0'?>\n<sdf version='1.6'/>"), @r"
+    error: a.sdf:2:1: this is no XML: `<?xml` stands behind something else
+      |
+    2 | <?xml version='1.0'?>
+      | ^
+      = hint: it has to be the very beginning of the file; move it there, or remove it
+    ");
+}
+
+#[test]
+fn xacro_is_named_with_the_command_that_makes_urdf_of_it() {
+    let robot = |inner: &str| format!("<robot name='r' xmlns:xacro='http://ros.org/wiki/xacro'>\n{inner}\n</robot>");
+    insta::assert_snapshot!(refused("a.urdf", &robot("<xacro:macro name='leg' params='x'><link name='${x}'/></xacro:macro>")), @r"
+    error: a.urdf:2:1: <xacro:macro> is an element of Xacro
+      |
+    2 | <xacro:macro name='leg' params='x'><link name='${x}'/></xacro:macro>
+      | ^^^^^^^^^^^^
+      = hint: this file is Xacro: `xacro FILE > robot.urdf` makes the URDF
+    ");
+    for (text, words) in [
+        (robot("<link name='${prefix}a'/>"), "a.urdf:2:13: `name` has an expression of Xacro"),
+        (robot("<xacro:leg/>").replace(" xmlns:xacro='http://ros.org/wiki/xacro'", ""), "a.urdf:2:1: <xacro:leg> is an element of Xacro"),
+        (
+            "<robot name='r'><link name='a'><visual><geometry><sphere radius='${2 * r}'/></geometry></visual></link></robot>".to_owned(),
+            "`radius` has `${2 * r}`, an expression of Xacro; `xacro FILE > robot.urdf` makes the URDF",
+        ),
+    ] {
+        let error = refused("a.urdf", &text);
+        assert!(error.contains(words), "{error}");
+    }
+    // What Xacro made still declares its prefix.
+    let made = documents(
+        "a.urdf",
+        &robot(
+            "<link name='world'/><link name='a'/><joint name='j' type='fixed'><parent link='world'/><child link='a'/></joint>",
+        ),
+    );
+    assert!(made.contains(r#""name":"a""#), "{made}");
+}
