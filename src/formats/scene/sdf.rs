@@ -165,14 +165,18 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         if !version.starts_with("1.") {
             return Err(root.wrong_attribute("version", format!("unknown version `{version}`; expected 1.4 to 1.9")));
         }
-        root.only(&["world", "model"], &[])?;
+        root.only(&["world", "model"], &["light", "plugin"])?;
         let mut scene = Scene::default();
         let Some(world) = root.child("world") else {
-            for child in root.children() {
+            for child in root.children().filter(|child| child.name() == "model") {
                 scene.objects.push(object(child, &mut scene.frame)?);
             }
             return Ok(Content::Scene(scene));
         };
+        let mut models = root.children().filter(|child| ["world", "model"].contains(&child.name()));
+        if let Some(second) = models.find(|child| !child.is(&world)) {
+            return Err(second.wrong(format!("<{}> beside the <world>; expected one world", second.name())));
+        }
         world.only(&["model", "frame"], &IGNORED)?;
         scene.name = world.attribute("name").map(str::to_owned);
         for child in world.children().filter(|child| child.name() == "frame") {
@@ -194,7 +198,10 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
 }
 
 fn object(model: Element<'_>, frame: &mut Option<String>) -> Result<Object, Diagnostic> {
-    model.only(&["static", "pose", "link"], &["plugin", "allow_auto_disable", "self_collide", "enable_wind"])?;
+    model.only(
+        &["static", "pose", "link"],
+        &["plugin", "robotNamespace", "allow_auto_disable", "self_collide", "enable_wind"],
+    )?;
     let mut object = Object { name: model.needs_attribute("name")?.to_owned(), ..Object::default() };
     if let Some(fixed) = model.child("static") {
         object.fixed = fixed.own_truth()?;
@@ -224,7 +231,22 @@ fn object(model: Element<'_>, frame: &mut Option<String>) -> Result<Object, Diag
 fn read_link(link: Element<'_>, object: &mut Object) -> Result<(), Diagnostic> {
     link.only(
         &["pose", "inertial", "collision", "visual"],
-        &["sensor", "light", "gravity", "kinematic", "self_collide", "enable_wind", "velocity_decay"],
+        &[
+            "sensor",
+            "light",
+            "plugin",
+            "gravity",
+            "kinematic",
+            "self_collide",
+            "enable_wind",
+            "velocity_decay",
+            "must_be_base_link",
+            "audio_sink",
+            "audio_source",
+            "battery",
+            "particle_emitter",
+            "projector",
+        ],
     )?;
     let own = link.child("pose").map(read_local).transpose()?.unwrap_or_default();
     if let Some(inertial) = link.child("inertial") {
@@ -260,6 +282,10 @@ fn read_shape(body: Element<'_>, around: &Pose) -> Result<Shape, Diagnostic> {
         "cast_shadows",
         "transparency",
         "visibility_flags",
+        "lidar_intensity",
+        "density",
+        "auto_inertia_params",
+        "plugin",
         "meta",
     ];
     body.only(&["pose", "geometry"], &ignored)?;

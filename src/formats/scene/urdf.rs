@@ -104,12 +104,31 @@ struct Joint<'a> {
     fixed: bool,
 }
 
+/// Elements of simulators and drivers, which the reader of ROS passes over, too.
+const IGNORED: [&str; 12] = [
+    "gazebo",
+    "transmission",
+    "ros2_control",
+    "sensor",
+    "frame",
+    "contact",
+    "contact_coefficients",
+    "collision_filter_group",
+    "force_element",
+    "self_collision_checking",
+    "mujoco",
+    "plugin",
+];
+
+/// Elements of joints that say how one moves, and not where it is.
+const OF_JOINTS: [&str; 6] = ["axis", "limit", "dynamics", "safety_controller", "calibration", "mimic"];
+
 fn read(source: &Source) -> Result<Content, Diagnostic> {
     xml::parse(source, |root| {
         if root.name() != "robot" {
             return Err(root.wrong("expected <robot>"));
         }
-        root.only(&["link", "joint", "material"], &["gazebo", "transmission"])?;
+        root.only(&["link", "joint", "material"], &IGNORED)?;
         let mut materials = HashMap::new();
         for material in root.children().filter(|child| child.name() == "material") {
             materials.extend(color(material)?.map(|color| (material.attribute("name").unwrap_or_default(), color)));
@@ -154,7 +173,7 @@ fn read_joint<'a>(element: Element<'a>) -> Result<(&'a str, Joint<'a>), Diagnost
             ));
         }
     };
-    element.only(&["origin", "parent", "child"], &["axis", "limit", "dynamics", "safety_controller", "calibration"])?;
+    element.only(&["origin", "parent", "child"], &[&IGNORED[..], &OF_JOINTS].concat())?;
     let parent = element.needs("parent")?.needs_attribute("link")?;
     let child = element.needs("child")?.needs_attribute("link")?;
     Ok((child, Joint { parent, pose: read_origin(element)?, fixed }))
@@ -172,7 +191,7 @@ fn placed(name: &str, joints: &HashMap<&str, Joint<'_>>) -> Option<(Pose, bool)>
 }
 
 fn read_link(link: Element<'_>, materials: &HashMap<&str, [f64; 4]>) -> Result<Object, Diagnostic> {
-    link.only(&["inertial", "collision", "visual"], &[])?;
+    link.only(&["inertial", "collision", "visual"], &IGNORED)?;
     let mut object = Object { name: link.needs_attribute("name")?.to_owned(), ..Object::default() };
     if let Some(inertial) = link.child("inertial") {
         let mass = inertial.needs("mass")?;

@@ -114,6 +114,11 @@ impl<'a> Element<'a> {
         tag.map(tag_name).unwrap_or_default()
     }
 
+    /// Whether both are one element of one text.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.node == other.node
+    }
+
     /// The elements in it. Those whose name has a prefix are for other programs.
     pub(super) fn children(&self) -> impl Iterator<Item = Element<'a>> + 'a {
         let text = self.text;

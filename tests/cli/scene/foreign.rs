@@ -234,3 +234,45 @@ fn xacro_is_named_with_the_command_that_makes_urdf_of_it() {
     );
     assert!(made.contains(r#""name":"a""#), "{made}");
 }
+
+#[test]
+fn elements_for_simulators_and_drivers_are_passed_over() {
+    let model = sdf("<plugin name='p'/><sensor name='s' type='ray'/><visual name='v'><plugin name='q'/>\
+        <geometry><box><size>1 2 3</size></box></geometry></visual>");
+    let model = model.replace("<link", "<robotNamespace>r</robotNamespace><plugin name='p' filename='p.so'/><link");
+    let light = "<light type='directional' name='sun'><pose>0 0 10 0 0 0</pose></light>";
+    let box_of = |read: &str| read.contains(r#""name":"a""#) && read.contains(r#""size":[1.0,2.0,3.0]"#);
+    for text in [
+        model.replace("<model", &format!("{light}<plugin name='p' filename='p.so'/><model")),
+        model
+            .replace("<model", &format!("<world name='w'>{light}<plugin name='p' filename='p.so'/><model"))
+            .replace("</sdf>", "</world></sdf>"),
+    ] {
+        let read = documents("a.sdf", &text);
+        assert!(box_of(&read) && read.lines().count() == 1, "{read}");
+    }
+    let robot = "<robot name='r'><ros2_control name='c' type='system'/><gazebo reference='a'/><transmission/><sensor/>\
+        <frame name='f' link='a'/><link name='world'/><link name='a'><contact_coefficients mu='1'/><sensor/>\
+        <visual><geometry><box size='1 2 3'/></geometry></visual></link>\
+        <joint name='j' type='fixed'><parent link='world'/><child link='a'/><gazebo/></joint></robot>";
+    assert!(box_of(&documents("a.urdf", robot)));
+    // A word that is wrong is still found, and so is what changes the scene.
+    for (file, text, words) in [
+        ("a.urdf", robot.replace("visual>", "visuel>"), "a.urdf:1:202: unknown element <visuel> in <link>"),
+        ("a.urdf", robot.replace("<gazebo/>", "<include file='b'/>"), "unknown element <include> in <joint>"),
+        ("a.sdf", model.replace("<plugin", "<include/><plugin"), "unknown element <include> in <model>"),
+        (
+            "a.sdf",
+            model.replace("<model", "<world name='w'/><model"),
+            "a.sdf:1:37: <model> beside the <world>; expected one world",
+        ),
+        (
+            "a.sdf",
+            model.replace("<model", "<world name='v'/><world name='w'/><model"),
+            "a.sdf:1:37: <world> beside the <world>",
+        ),
+    ] {
+        let error = refused(file, &text);
+        assert!(error.contains(words), "{error}");
+    }
+}
