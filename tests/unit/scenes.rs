@@ -402,7 +402,10 @@ fn what_is_wrong_in_a_file_is_shown_at_its_place() {
             "<mujoco>\n<worldbody>\n<body name='a'><geom size='-1'/></body></worldbody></mujoco>",
             "scene:3:16: a sphere that has the radius -1",
         ),
-        ("<mujoco>\n<default/></mujoco>", "scene:2:1: unknown element <default>"),
+        (
+            "<mujoco>\n<default><geom size='1'/></default></mujoco>",
+            "scene:2:22: `size` in the defaults of <geom> changes the scene",
+        ),
         ("<mujoco><compiler angle='grad'/></mujoco>", "scene:1:26: expected `degree` or `radian`"),
         (
             "<mujoco><worldbody><body name='a'><joint type='hinge'/></body></worldbody></mujoco>",

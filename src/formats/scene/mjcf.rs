@@ -5,16 +5,20 @@
 //! What may move has a `<freejoint/>`. The scene's frame is noted in `<custom>`, which MuJoCo keeps
 //! and does not read. Source: the XML reference of MuJoCo's documentation.
 
+mod compiler;
+mod defaults;
+
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use super::inertia::masses;
 use super::number::numbers;
-use super::pose::{cross, dot, from_axis, from_matrix, from_z_to, multiply, norm, sub};
+use super::pose::{cross, dot, from_axis, from_matrix, from_z_to, norm, sub};
 use super::shape::{Mesh, Triangles};
 use super::xml::{self, Element, check_names, escape};
 use super::{Color, Content, Kind, Limits, Mass, Model, Object, Pose, Scene, Shape, Solid, Spelling};
 use crate::formats::{Diagnostic, Source};
+use compiler::Compiler;
 
 /// MJCF.
 pub const SPELLING: Spelling = Spelling {
@@ -141,17 +145,22 @@ fn geom(object: &Object, index: usize, shape: &Shape, assets: &mut String) -> (S
 }
 
 /// Elements that say nothing about where things are.
-const IGNORED: [&str; 8] = ["option", "visual", "statistic", "size", "contact", "sensor", "keyframe", "light"];
+const IGNORED: [&str; 10] =
+    ["option", "visual", "statistic", "size", "contact", "actuator", "tendon", "sensor", "keyframe", "light"];
 
 fn read(source: &Source) -> Result<Content, Diagnostic> {
     xml::parse(source, |root| {
         if root.name() != "mujoco" {
             return Err(root.wrong("expected <mujoco>"));
         }
-        root.only(&["compiler", "custom", "asset", "worldbody"], &IGNORED)?;
-        let mut reader = Reader { degrees: true, meshes: HashMap::new(), folder: String::new() };
+        root.only(&["compiler", "default", "custom", "asset", "worldbody"], &IGNORED)?;
+        let mut reader = Reader { compiler: Compiler::default(), meshes: HashMap::new(), classes: false };
         for compiler in root.children().filter(|child| child.name() == "compiler") {
-            reader.compiler(compiler)?;
+            reader.compiler.read(compiler)?;
+        }
+        for default in root.children().filter(|child| child.name() == "default") {
+            defaults::check(default)?;
+            reader.classes = true;
         }
         for asset in root.children().filter(|child| child.name() == "asset") {
             reader.assets(asset)?;
@@ -172,42 +181,24 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
 
 /// What holds for the whole file.
 struct Reader {
-    degrees: bool,
+    compiler: Compiler,
     meshes: HashMap<String, Mesh>,
-    /// Of files of meshes.
-    folder: String,
+    /// Whether it has defaults, which then change nothing.
+    classes: bool,
 }
 
 impl Reader {
-    fn compiler(&mut self, compiler: Element<'_>) -> Result<(), Diagnostic> {
-        let known = ["angle", "meshdir", "assetdir", "autolimits", "inertiafromgeom", "coordinate"];
-        compiler.only_attributes(&known)?;
-        match compiler.attribute("angle") {
-            None | Some("degree") => self.degrees = true,
-            Some("radian") => self.degrees = false,
-            Some(_) => return Err(compiler.wrong_attribute("angle", "expected `degree` or `radian`")),
-        }
-        if compiler.attribute("coordinate").is_some_and(|word| word != "local") {
-            return Err(compiler
-                .wrong_attribute("coordinate", "poses of this kind were given up by MuJoCo 2.3.4; expected `local`"));
-        }
-        let folder = compiler.attribute("meshdir").or(compiler.attribute("assetdir"));
-        if let Some(folder) = folder.filter(|folder| !folder.is_empty()) {
-            self.folder = format!("{}/", folder.trim_end_matches('/'));
-        }
-        Ok(())
-    }
-
     fn assets(&mut self, assets: Element<'_>) -> Result<(), Diagnostic> {
         assets.only(&["mesh"], &["texture", "material"])?;
         for mesh in assets.children().filter(|child| child.name() == "mesh") {
-            mesh.only_attributes(&["name", "file", "scale", "vertex", "face"])?;
+            let ignored = ["normal", "texcoord", "smoothnormal", "inertia", "maxhullvert"];
+            mesh.only_attributes(&[&["name", "file", "scale", "vertex", "face"][..], &ignored].concat())?;
             let scale = mesh.numbers("scale")?.unwrap_or([1.0; 3]);
             let file = mesh.attribute("file");
             let stem = || file.and_then(|file| std::path::Path::new(file).file_stem()?.to_str());
             let name = mesh.attribute("name").or_else(stem).ok_or_else(|| mesh.wrong("<mesh> has no `name`"))?;
             let read = match file {
-                Some(file) => Mesh::File { file: format!("{}{file}", self.folder), scale },
+                Some(file) => Mesh::File { file: self.compiler.file(file), scale },
                 None => Mesh::Triangles(triangles(mesh, scale)?),
             };
             Solid::Mesh(read.clone()).check().map_err(|wrong| mesh.wrong(format!("this mesh {wrong}")))?;
@@ -239,7 +230,7 @@ impl Reader {
         let pose = around.around(&self.pose(body)?);
         let name = body.needs_attribute("name")?.to_owned();
         let mut object = Object { name, pose, fixed: true, ..Object::default() };
-        let mut weights = Vec::new();
+        let (mut weights, mut inertial) = (Vec::new(), None);
         for child in body.children() {
             match child.name() {
                 "geom" => {
@@ -250,13 +241,11 @@ impl Reader {
                 "freejoint" => object.fixed = false,
                 "joint" if child.attribute("type") == Some("free") => object.fixed = false,
                 "joint" => return Err(child.wrong("a scene has no joints but free ones; expected <freejoint/>")),
-                "inertial" => object.mass = child.numbers("mass")?.map(|[mass]| child.mass(mass)).transpose()?,
+                "inertial" => inertial = child.numbers("mass")?.map(|[mass]| child.mass(mass)).transpose()?,
                 _ => {}
             }
         }
-        if !weights.is_empty() {
-            object.mass = Some(weights.iter().sum());
-        }
+        object.mass = self.compiler.mass(inertial, &weights);
         object.fixed |= object.has_plane();
         scene.objects.push(object);
         self.bodies(body, &pose, scene)
@@ -290,12 +279,14 @@ impl Reader {
             "gap",
             "density",
             "priority",
+            "solmix",
+            "fluidshape",
+            "fluidcoef",
+            "user",
         ];
         geom.only_attributes(&known)?;
-        if geom.attribute("class").is_some() {
-            return Err(
-                geom.wrong_attribute("class", "defaults of classes are not read; give the geom its own attributes")
-            );
+        if geom.attribute("class").is_some() && !self.classes {
+            return Err(geom.wrong_attribute("class", "there is no <default>; give the geom its own attributes"));
         }
         let (mut pose, mut size) = (self.pose(geom)?, geom.list("size")?);
         if let Some(ends) = geom.numbers::<6>("fromto")? {
@@ -350,7 +341,6 @@ impl Reader {
     /// `pos` and one of the spellings of an orientation.
     fn pose(&self, element: Element<'_>) -> Result<Pose, Diagnostic> {
         let translation = element.numbers("pos")?.unwrap_or_default();
-        let unit = if self.degrees { std::f64::consts::PI / 180.0 } else { 1.0 };
         let spellings = ["quat", "axisangle", "euler", "xyaxes", "zaxis"];
         let mut given = spellings.into_iter().filter(|name| element.attribute(name).is_some());
         let (first, second) = (given.next(), given.next());
@@ -364,14 +354,9 @@ impl Reader {
             }
             Some("axisangle") => {
                 let [x, y, z, angle] = element.numbers("axisangle")?.unwrap_or_default();
-                from_axis([x, y, z], angle * unit)
+                from_axis([x, y, z], self.compiler.radians(angle))
             }
-            Some("euler") => {
-                // Turns about the body's own axes x, y and z, one after the other.
-                let [x, y, z] = element.numbers("euler")?.unwrap_or_default().map(|angle: f64| angle * unit);
-                let (about_x, about_y) = (from_axis([1.0, 0.0, 0.0], x), from_axis([0.0, 1.0, 0.0], y));
-                multiply(multiply(about_x, about_y), from_axis([0.0, 0.0, 1.0], z))
-            }
+            Some("euler") => self.compiler.turned(element.numbers("euler")?.unwrap_or_default()),
             Some("xyaxes") => {
                 let [a, b, c, d, e, f] = element.numbers("xyaxes")?.unwrap_or_default();
                 axes([a, b, c], [d, e, f])

@@ -225,6 +225,10 @@ impl<'a> Element<'a> {
         let is_known = |name: &str| known.iter().chain(ignored).any(|other| other.eq_ignore_ascii_case(name));
         match self.children().find(|child| !is_known(child.name())) {
             None => Ok(()),
+            Some(include) if include.name().eq_ignore_ascii_case("include") => {
+                let message = format!("<{}> takes what another file has, which is not read", include.name());
+                Err(include.wrong(message).hint("write what that file has in its place"))
+            }
             Some(unknown) => {
                 let message =
                     format!("unknown element <{}> in <{}>; expected {}", unknown.name(), self.name(), tags(known));

@@ -259,8 +259,12 @@ fn elements_for_simulators_and_drivers_are_passed_over() {
     // A word that is wrong is still found, and so is what changes the scene.
     for (file, text, words) in [
         ("a.urdf", robot.replace("visual>", "visuel>"), "a.urdf:1:202: unknown element <visuel> in <link>"),
-        ("a.urdf", robot.replace("<gazebo/>", "<include file='b'/>"), "unknown element <include> in <joint>"),
-        ("a.sdf", model.replace("<plugin", "<include/><plugin"), "unknown element <include> in <model>"),
+        (
+            "a.urdf",
+            robot.replace("<gazebo/>", "<include file='b'/>"),
+            "<include> takes what another file has, which is not read",
+        ),
+        ("a.sdf", model.replace("<plugin", "<include/><plugin"), "a.sdf:1:70: <include> takes what another file has"),
         (
             "a.sdf",
             model.replace("<model", "<world name='w'/><model"),
@@ -274,5 +278,94 @@ fn elements_for_simulators_and_drivers_are_passed_over() {
     ] {
         let error = refused(file, &text);
         assert!(error.contains(words), "{error}");
+    }
+}
+
+/// A file of MJCF with this before its world, and this in its body.
+fn mjcf(before: &str, body: &str) -> String {
+    format!("<mujoco>{before}<worldbody><body name='a'><freejoint/>{body}</body></worldbody></mujoco>")
+}
+
+#[test]
+fn what_moves_and_looks_is_passed_over_in_mjcf() {
+    let geom = "<geom type='box' size='1 1 1' mass='2'/>";
+    let plain = documents("a.xml", &mjcf("", geom));
+    for before in [
+        "<compiler texturedir='t' assetdir='a' autolimits='true' balanceinertia='true' usethread='false'/>",
+        "<option timestep='0.1'/><visual><map/></visual><statistic extent='1'/><size njmax='1'/>",
+        "<contact><exclude/></contact><actuator><motor/></actuator><tendon/><sensor/><keyframe><key/></keyframe>",
+        "<default><default class='c'><geom friction='1'/><motor ctrlrange='0 1'/></default><joint damping='1'/></default>",
+        "<compiler settotalmass='-1' discardvisual='false' inertiagrouprange='0 5' boundmass='0.1'/>",
+    ] {
+        assert_eq!(documents("a.xml", &mjcf(before, geom)), plain, "{before}");
+    }
+    let class = "<default><default class='c'><geom friction='1'/></default></default>";
+    assert_eq!(documents("a.xml", &mjcf(class, &geom.replace("<geom", "<geom class='c'"))), plain);
+    for (text, words) in [
+        (
+            mjcf("<default><geom rgba='1 0 0 1'/></default>", geom),
+            "a.xml:1:30: `rgba` in the defaults of <geom> changes the scene",
+        ),
+        (
+            mjcf("<default><default class='c'><joint type='free'/></default></default>", geom),
+            "`type` in the defaults of <joint>",
+        ),
+        (mjcf("<default><mesh scale='2 2 2'/></default>", geom), "`scale` in the defaults of <mesh>"),
+        (mjcf("<include file='b.xml'/>", geom), "a.xml:1:9: <include> takes what another file has"),
+        (mjcf("<equality/>", geom), "unknown element <equality> in <mujoco>"),
+        (mjcf("<compiler settotalmass='5'/>", geom), "a.xml:1:33: `settotalmass` scales all masses"),
+        (mjcf("<compiler discardvisual='true'/>", geom), "`discardvisual` removes geoms that never collide"),
+        (mjcf("<compiler inertiagrouprange='2 3'/>", geom), "`inertiagrouprange` leaves out masses"),
+        (mjcf("<compiler eulerseq='xyq'/>", geom), "expected three letters of `xyzXYZ`"),
+        (mjcf("<compiler balance='true'/>", geom), "unknown attribute `balance` of <compiler>"),
+        (mjcf("", &geom.replace("<geom", "<geom class='c'")), "there is no <default>"),
+    ] {
+        let error = refused("a.xml", &text);
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn the_compiler_of_mjcf_says_how_angles_files_and_masses_are_meant() {
+    let turned = |compiler: &str| -> Vec<i64> {
+        let read = documents("a.xml", &mjcf(compiler, "<geom size='1' euler='90 90 0'/>"));
+        let read: serde_json::Value = serde_json::from_str(&read).unwrap();
+        let rotation = read["geometry"]["rotation"].as_array().unwrap();
+        rotation.iter().map(|part| (part.as_f64().unwrap() * 1e6).round() as i64).collect()
+    };
+    let half = 500_000;
+    // About x and then about the body's own y; with capital letters, about the y that is not turned.
+    for (compiler, expected) in [
+        ("", [half, half, half, half]),
+        ("<compiler eulerseq='xyz'/><compiler/>", [half, half, half, half]),
+        ("<compiler eulerseq='XYZ'/>", [half, half, -half, half]),
+        ("<compiler eulerseq='yxz'/>", [half, half, -half, half]),
+        ("<compiler angle='radian' eulerseq='zzz'/><compiler angle='degree'/>", [0, 0, 2 * half, 0]),
+    ] {
+        assert_eq!(turned(compiler), expected, "{compiler}");
+    }
+    let meshed = |compiler: &str, file: &str| {
+        documents(
+            "a.xml",
+            &mjcf(&format!("{compiler}<asset><mesh name='m' file='{file}'/></asset>"), "<geom mesh='m'/>"),
+        )
+    };
+    for (compiler, file, expected) in [
+        ("<compiler meshdir='x' assetdir='y'/>", "b/c.stl", "x/b/c.stl"),
+        ("<compiler assetdir='y' strippath='true'/>", "b/c.stl", "y/c.stl"),
+        ("<compiler meshdir='x'/>", "/b/c.stl", "/b/c.stl"),
+    ] {
+        let read = meshed(compiler, file);
+        assert!(read.contains(&format!("\"file\":\"{expected}\"")), "{read}");
+    }
+    let body = "<inertial pos='0 0 0' mass='3'/><geom size='1' mass='2'/>";
+    for (compiler, mass) in [
+        ("", "3.0"),
+        ("<compiler inertiafromgeom='true'/>", "2.0"),
+        ("<compiler inertiafromgeom='false'/>", "3.0"),
+        ("<compiler boundmass='5'/>", "5.0"),
+    ] {
+        let read = documents("a.xml", &mjcf(compiler, body));
+        assert!(read.contains(&format!("\"mass\":{mass}")), "{compiler}\n{read}");
     }
 }
