@@ -142,6 +142,9 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         }
         let mut scene = Scene { name: root.attribute("name").map(str::to_owned), ..Scene::default() };
         let links = || root.children().filter(|child| child.name() == "link");
+        if links().next().is_none() {
+            return Err(without_links(root));
+        }
         let tops: Vec<&str> =
             links().filter_map(|link| link.attribute("name")).filter(|name| !joints.contains_key(name)).collect();
         let [top] = tops[..] else {
@@ -159,6 +162,14 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         }
         Ok(Content::Scene(scene))
     })
+}
+
+fn without_links(root: Element<'_>) -> Diagnostic {
+    let wrong = root.wrong("a robot without links; expected one at least, which is the frame");
+    if root.is_of_xacro() {
+        return wrong.hint("run `xacro FILE > robot.urdf` on the file that uses the macros of this one");
+    }
+    wrong
 }
 
 fn read_joint<'a>(element: Element<'a>) -> Result<(&'a str, Joint<'a>), Diagnostic> {

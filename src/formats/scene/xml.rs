@@ -132,6 +132,11 @@ impl<'a> Element<'a> {
         self.node.descendants().filter(roxmltree::Node::is_element).map(move |node| Element { text, node })
     }
 
+    /// Whether it declares the prefix of Xacro, as files for it do, and those that it wrote.
+    pub(super) fn is_of_xacro(&self) -> bool {
+        expanded::declares_xacro(*self)
+    }
+
     /// The first element in it that has this name.
     pub(super) fn child(&self, name: &str) -> Option<Element<'a>> {
         self.children().find(|child| child.name().eq_ignore_ascii_case(name))

@@ -225,6 +225,13 @@ fn xacro_is_named_with_the_command_that_makes_urdf_of_it() {
         let error = refused("a.urdf", &text);
         assert!(error.contains(words), "{error}");
     }
+    insta::assert_snapshot!(refused("a.urdf", &robot("")), @r"
+    error: a.urdf:1:1: a robot without links; expected one at least, which is the frame
+      |
+    1 | <robot name='r' xmlns:xacro='http://ros.org/wiki/xacro'>
+      | ^^^^^^
+      = hint: run `xacro FILE > robot.urdf` on the file that uses the macros of this one
+    ");
     // What Xacro made still declares its prefix.
     let made = documents(
         "a.urdf",

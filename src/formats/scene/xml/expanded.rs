@@ -12,7 +12,7 @@ const XACRO: &str = "xacro";
 /// Refuses elements that stand for others, and expressions that stand for values.
 pub(super) fn check(root: Element<'_>) -> Result<(), Diagnostic> {
     // What Xacro wrote may still declare the prefix.
-    let declares = root.node.namespaces().any(|namespace| namespace.name() == Some(XACRO));
+    let declares = declares_xacro(root);
     root.all().try_for_each(|element| {
         if element.node.tag_name().namespace() == Some(XINCLUDE) || element.name().starts_with("xi:") {
             let message = format!("<{}> includes another file, which is not read", element.name());
@@ -29,6 +29,11 @@ pub(super) fn check(root: Element<'_>) -> Result<(), Diagnostic> {
             }
         }
     })
+}
+
+/// Whether an element declares the prefix of Xacro.
+pub(super) fn declares_xacro(element: Element<'_>) -> bool {
+    element.node.namespaces().any(|namespace| namespace.name() == Some(XACRO))
 }
 
 fn xacro(root: Element<'_>, wrong: Diagnostic) -> Diagnostic {
