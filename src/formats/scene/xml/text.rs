@@ -6,7 +6,6 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::root_range;
 use crate::formats::{Diagnostic, Source, Span};
 
 /// How many prefixes are declared; files of other programs have one or two.
@@ -63,6 +62,38 @@ impl<'a> Text<'a> {
         let place = self.place(range);
         Diagnostic::new(self.source, Span::new(place.start, place.end), message)
     }
+}
+
+/// The root element's name, where a text looks like XML.
+pub(in super::super) fn root(text: &str) -> Option<&str> {
+    text.get(root_range(text)?)
+}
+
+/// Where the root element's name is.
+fn root_range(text: &str) -> Option<Range<usize>> {
+    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    loop {
+        rest = rest.strip_prefix('<')?;
+        let end = match rest.as_bytes().first()? {
+            b'?' => rest.find("?>")? + 2,
+            b'!' => {
+                rest.strip_prefix("!--")
+                    .and_then(|comment| comment.find("-->"))
+                    .map_or_else(|| rest.find('>'), |end| Some(end + 5))?
+                    + 1
+            }
+            _ => {
+                let start = text.len() - rest.len();
+                return Some(start..start + tag_name(rest).len());
+            }
+        };
+        rest = rest.get(end..)?.trim_start();
+    }
+}
+
+/// The name at the beginning of what follows a `<`.
+pub(super) fn tag_name(tag: &str) -> &str {
+    tag.split(|c: char| c.is_whitespace() || c == '>' || c == '/').next().unwrap_or_default()
 }
 
 #[cfg(test)]
