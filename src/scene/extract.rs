@@ -107,7 +107,7 @@ impl Extraction {
     #[must_use]
     pub fn scene(&self, frame: &str) -> Scene {
         let objects = self.objects.iter().map(|located| located.object.clone()).collect();
-        Scene { name: None, frame: Some(frame.to_owned()), objects }
+        Scene { name: None, frame: Some(frame.to_owned()), objects, ..Scene::default() }
     }
 
     /// Whether there is no object, and nothing but that a frame is not known keeps documents from being one.

@@ -78,6 +78,7 @@ fn scenes(spelling: &'static Spelling) -> impl Strategy<Value = Scene> {
         name: Some("scene".to_owned()),
         frame: Some(format!("{frame}_frame")),
         objects,
+        ..Scene::default()
     })
 }
 
@@ -164,6 +165,7 @@ fn lopsided() -> Scene {
             object("crate", Solid::Box([0.2, 0.4, 0.6])),
             object("can", Solid::Cylinder { radius: 0.05, length: 0.3 }),
         ],
+        ..Scene::default()
     }
 }
 

@@ -71,7 +71,7 @@ pub(super) fn run(args: &ExportArgs, context: &mut Context<'_>) -> Result<Exit> 
         write_operations(&operations, Some(frame))
     } else {
         let name = args.name.clone();
-        (spelling.write)(&Scene { name, frame: Some(frame.to_owned()), objects: objects.collect() })
+        (spelling.write)(&Scene { name, frame: Some(frame.to_owned()), objects: objects.collect(), ..Scene::default() })
     };
     context.output.write_file(&args.output, text.as_bytes())?;
     Ok(Exit::Done)

@@ -10,7 +10,7 @@ use clap::builder::NonEmptyStringValueParser;
 use crate::commands::query::{argument, blame};
 use crate::commands::{Context, UsageError, WrongInput, missing};
 use crate::error::Result;
-use crate::formats::scene::{Content, Kind, Spelling, by_name, recognize};
+use crate::formats::scene::{Content, Kind, Scene, Spelling, by_name, recognize};
 use crate::formats::{Diagnostic, Source, Span};
 use crate::memory::Memory;
 use crate::memory::computables::BodyKind;
@@ -234,6 +234,12 @@ pub(super) fn read_file(
     };
     let content = (spelling.read)(&source)?;
     check_names(path, &content)?;
+    if let Content::Scene(Scene { robots, .. }) = &content
+        && !robots.is_empty()
+    {
+        let names = robots.join("`, `");
+        context.output.warn(&format!("{}: left out: `{names}`; a robot is no object of a scene", path.display()));
+    }
     Ok((content, spelling))
 }
 

@@ -51,7 +51,7 @@ pub(super) fn run(args: &ShowArgs, context: &mut Context<'_>) -> Result<Exit> {
             context.output.warn(&format!("`{}` has no outline: {reason}", object.name));
         }
     }
-    let scene = Scene { name: args.title.clone(), frame: Some(frame.to_owned()), objects };
+    let scene = Scene { name: args.title.clone(), frame: Some(frame.to_owned()), objects, ..Scene::default() };
     let chart = top(&scene, &placed(&frames, frame), args.size);
     if chart.series.is_empty() {
         return Err(WrongInput::new("there are neither objects nor frames to draw").into());

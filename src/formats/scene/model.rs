@@ -12,6 +12,8 @@ pub struct Scene {
     pub frame: Option<String>,
     /// In order; names differ.
     pub objects: Vec<Object>,
+    /// The robots beside them in the file, which are no objects of a scene, by their names.
+    pub robots: Vec<String>,
 }
 
 /// A thing that can be moved, or is in the way.

@@ -131,6 +131,9 @@ const IGNORED: [&str; 9] = [
     "adjacent",
 ];
 
+/// Elements of an environment that are about its simulation.
+const SIMULATED: [&str; 3] = ["physicsengine", "modelsdir", "datadir"];
+
 /// Elements that place what they are in.
 const PLACES: [&str; 4] = ["translation", "quat", "rotationaxis", "rotationmat"];
 
@@ -140,11 +143,12 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         match lower(root).as_str() {
             "kinbody" => scene.objects.push(kinbody(root)?),
             "environment" => {
-                root.only(&["kinbody", "unit"], &IGNORED)?;
+                root.only(&["kinbody", "robot", "unit"], &[&IGNORED[..], &SIMULATED].concat())?;
                 no_other_files(root)?;
                 for child in root.children() {
                     match lower(child).as_str() {
                         "kinbody" => scene.objects.push(kinbody(child)?),
+                        "robot" => scene.robots.push(robot(child)),
                         "unit" => metres(child)?,
                         _ => {}
                     }
@@ -158,6 +162,12 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
 
 fn lower(element: Element<'_>) -> String {
     element.name().to_ascii_lowercase()
+}
+
+/// What a robot is called: by its name, or the file that it is in.
+fn robot(element: Element<'_>) -> String {
+    let name = element.attribute("name").or_else(|| element.attribute("file"));
+    name.unwrap_or("without a name").to_owned()
 }
 
 fn metres(unit: Element<'_>) -> Result<(), Diagnostic> {
@@ -190,9 +200,9 @@ fn as_large_as_it_says(element: Element<'_>) -> Result<(), Diagnostic> {
 
 fn kinbody(element: Element<'_>) -> Result<Object, Diagnostic> {
     as_large_as_it_says(element)?;
-    element.only(&[&PLACES[..], &["body"]].concat(), &IGNORED)?;
+    element.only(&[&PLACES[..], &["body", "mass"]].concat(), &IGNORED)?;
     let mut object = Object {
-        name: element.needs_attribute("name")?.to_owned(),
+        name: name(element)?,
         model: element.attribute("file").map(str::to_owned),
         pose: read_place(element)?,
         ..Object::default()
@@ -211,13 +221,25 @@ fn kinbody(element: Element<'_>) -> Result<Object, Diagnostic> {
     no_other_files(body)?;
     let own = read_place(body)?;
     object.fixed = body.attribute("type").is_some_and(|kind| kind.eq_ignore_ascii_case("static"));
-    if let Some(total) = body.child("mass").and_then(|mass| mass.child("total")) {
+    // Some files have the mass beside the body.
+    let mass = [body, element].into_iter().find_map(|around| around.children().find(|child| lower(*child) == "mass"));
+    if let Some(total) = mass.and_then(|mass| mass.child("total")) {
         object.mass = Some(total.mass(total.own_numbers::<1>()?[0])?);
     }
     for geom in body.children().filter(|child| lower(*child) == "geom") {
         object.shapes.push(read_geom(geom, &own)?);
     }
     Ok(object)
+}
+
+/// The name of an object; one that is in a file of its own may be called as that is, without its endings.
+fn name(element: Element<'_>) -> Result<String, Diagnostic> {
+    let file = element.attribute("file").filter(|_| element.attribute("name").is_none());
+    let stem = file.and_then(|file| file.rsplit('/').next()?.split('.').next()).filter(|stem| !stem.is_empty());
+    match stem {
+        Some(stem) => Ok(stem.to_owned()),
+        None => Ok(element.needs_attribute("name")?.to_owned()),
+    }
 }
 
 /// Translations add up; each rotation turns those before it.

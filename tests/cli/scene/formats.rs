@@ -220,3 +220,23 @@ fn a_watch_refuses_a_frame_that_is_not_there_as_an_export_does() {
     assert!(refused.stderr.contains("leave it out with --skip-invalid"), "{refused}");
     kitchen.rmem(&[&watch[..], &["--skip-invalid"]].concat()).exits(1);
 }
+
+#[test]
+fn an_environment_of_openrave_is_read_without_its_robots() {
+    let kitchen = Kitchen::new();
+    kitchen.lab.write(
+        "lab.env.xml",
+        "<Environment>\n  <physicsengine type=\"ode\"/>\n  <Robot name=\"arm\" file=\"robots/arm.robot.xml\"/>\n  \
+         <Robot file=\"robots/base.robot.xml\"/>\n  <KinBody name=\"bin\">\n    <Body>\n      <Geom type=\"box\">\n        \
+         <Extents>0.1 0.2 0.3</Extents>\n      </Geom>\n    </Body>\n    <mass type=\"box\"><total>2</total></mass>\n  </KinBody>\n  \
+         <KinBody file=\"data/mug.kinbody.xml\"><Translation>1 0 0</Translation></KinBody>\n</Environment>\n",
+    );
+    let apply = ["scene", "apply", "lab.env.xml", "--into", "robmem.bins", "--frame", "map"];
+    let applied = kitchen.rmem(&apply);
+    assert!(applied.code == 0 && applied.stdout.lines().count() == 2, "{applied}");
+    for part in ["\"name\":\"bin\"", "\"mass\":2.0", "\"name\":\"mug\"", "\"model\":\"data/mug.kinbody.xml\""] {
+        assert!(applied.stdout.contains(part), "no {part} in {applied}");
+    }
+    let warning = "warning: lab.env.xml: left out: `arm`, `robots/base.robot.xml`; a robot is no object of a scene\n";
+    assert!(applied.stderr.contains(warning), "{applied}");
+}

@@ -83,7 +83,7 @@ fn scene(numbers: &mut Numbers) -> Scene {
             ..Object::default()
         });
     }
-    Scene { name: Some("random".to_owned()), frame: Some("map".to_owned()), objects }
+    Scene { name: Some("random".to_owned()), frame: Some("map".to_owned()), objects, ..Scene::default() }
 }
 
 /// A file with the scene in a format.

@@ -211,7 +211,7 @@ pub(super) fn read(source: &Source) -> Result<Content, Diagnostic> {
         _ => None,
     });
     let name = Some(message.name).filter(|name| !name.is_empty());
-    Ok(Content::Scene(Scene { name, frame: reader.frame, objects: objects.collect() }))
+    Ok(Content::Scene(Scene { name, frame: reader.frame, objects: objects.collect(), ..Scene::default() }))
 }
 
 /// How an object is held.
