@@ -80,12 +80,68 @@ fn with_readable_comment(line: &[u8]) -> Vec<u8> {
     [code, String::from_utf8_lossy(comment).as_bytes()].concat()
 }
 
+/// As [`decode`], for CLIPS: the bytes of a comment, from a `;` outside of strings to the end of its line, may be any.
+pub(crate) fn decode_clips(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
+    let bytes = match std::str::from_utf8(&bytes) {
+        Ok(_) => bytes,
+        Err(_) => with_readable_clips_comments(&bytes),
+    };
+    decode(name, bytes)
+}
+
+/// A program whose comments have a mark for each byte that is not UTF-8.
+fn with_readable_clips_comments(bytes: &[u8]) -> Vec<u8> {
+    let mut readable = Vec::with_capacity(bytes.len());
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let (code, behind) = rest.split_at(code_length(rest));
+        let end = behind.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(behind.len());
+        let (comment, behind) = behind.split_at(end);
+        readable.extend_from_slice(code);
+        readable.extend_from_slice(String::from_utf8_lossy(comment).as_bytes());
+        rest = behind;
+    }
+    readable
+}
+
+/// The bytes of CLIPS in front of the first comment; a `;` in a string begins none.
+fn code_length(bytes: &[u8]) -> usize {
+    let (mut is_string, mut is_escaped) = (false, false);
+    let begins_comment = |byte: &u8| {
+        match byte {
+            _ if is_escaped => is_escaped = false,
+            b'\\' => is_escaped = is_string,
+            b'"' => is_string = !is_string,
+            b';' => return !is_string,
+            _ => {}
+        }
+        false
+    };
+    bytes.iter().position(begins_comment).unwrap_or(bytes.len())
+}
+
 /// Returns the text that bytes spell; an error has the line and column of the first that is not UTF-8.
 pub(crate) fn decode(name: &str, bytes: Vec<u8>) -> Result<Source, Diagnostic> {
-    String::from_utf8(bytes).map(|text| Source::new(name, text)).map_err(|error| {
-        let valid = error.utf8_error().valid_up_to();
-        let before = String::from_utf8_lossy(&error.as_bytes()[..valid]).into_owned();
-        let (line, column) = Source::new(name, before).position(valid);
-        Diagnostic::at(name, line, column, "expected UTF-8 text, found invalid UTF-8")
-    })
+    let wrong = |error| Diagnostic::not_utf8(name, &error, (1, 1));
+    String::from_utf8(bytes).map(|text| Source::new(name, text)).map_err(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comment_of_clips_may_have_any_bytes_and_a_string_may_not() {
+        let read = |bytes: &[u8]| decode_clips("p.clp", bytes.to_vec()).map(|source| source.text().to_owned());
+        let marked = "(a \"x;\\\"y\") ; gr\u{fffd}n \"\r\n(b) ;\u{fffd}";
+        assert_eq!(read(b"(a \"x;\\\"y\") ; gr\xfcn \"\r\n(b) ;\xff").unwrap(), marked);
+        for (bytes, place) in [
+            (b"(a \"; \xfc\")".as_slice(), "p.clp:1:7: "),
+            (b"; \xfc\n(\xfc)", "p.clp:2:2: "),
+            (b"; \xfc \"\n(a \"\\\"; \xfc\")", "p.clp:2:9: "),
+        ] {
+            let error = read(bytes).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{place}expected UTF-8 text, found invalid UTF-8")), "{error}");
+        }
+    }
 }

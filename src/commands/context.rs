@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use crate::error::{Context as _, Result};
 use crate::formats::Source;
-use crate::input::{UsageError, decode, decode_pddl, unreadable};
+use crate::input::{UsageError, decode, decode_clips, decode_pddl, unreadable};
 use crate::memory::computables::Registry;
 use crate::memory::dump::world_file::{WorldError, WorldFile};
 use crate::memory::{Memory, Observer, Operation};
@@ -210,6 +210,15 @@ impl<'a> Context<'a> {
     pub fn read_pddl(&mut self, path: &Path) -> Result<Source> {
         let (name, bytes) = self.read_bytes(path)?;
         Ok(decode_pddl(&name, bytes)?)
+    }
+
+    /// As [`Self::read`], for CLIPS, whose comments may have any bytes.
+    ///
+    /// # Errors
+    /// Where it cannot be read, or is not UTF-8 outside of comments.
+    pub fn read_clips(&mut self, path: &Path) -> Result<Source> {
+        let (name, bytes) = self.read_bytes(path)?;
+        Ok(decode_clips(&name, bytes)?)
     }
 
     fn read_bytes(&mut self, path: &Path) -> Result<(String, Vec<u8>)> {

@@ -3,11 +3,13 @@
 //! Rendered here, because annotate-snippets puts the place below the message and not before it, where editors look for it.
 
 use std::fmt;
+use std::string::FromUtf8Error;
 use std::sync::Arc;
 
 use unicode_width::UnicodeWidthChar as _;
 
-use super::source::{Source, Span};
+use super::command_line::word;
+use super::source::{Position, Source, Span};
 use crate::fault::{AtFault, Fault};
 
 /// The most characters of a source line that a message repeats.
@@ -96,6 +98,18 @@ impl Diagnostic {
                 kind: Kind::Mistake,
             }),
         }
+    }
+
+    /// Complains about the first byte of a text that is not UTF-8; the text begins at a line and a column of `name`.
+    #[must_use]
+    pub(crate) fn not_utf8(name: &str, error: &FromUtf8Error, (first_line, first_column): Position) -> Self {
+        let (bytes, start) = (error.as_bytes(), error.utf8_error().valid_up_to());
+        let behind = bytes.get(start..).unwrap_or_default();
+        let end = start + memchr::memchr(b'\n', behind).unwrap_or(behind.len());
+        // What is in front of the byte is UTF-8, so that its offset stays.
+        let shown = String::from_utf8_lossy(bytes.get(..end).unwrap_or_default());
+        let source = Source::starting_at(name, shown, first_line).in_column(first_column);
+        Self::new(&source, Span::at(start), "expected UTF-8 text, found invalid UTF-8").hint(conversion(name, bytes))
     }
 
     /// Adds a line that says what to do.
@@ -226,6 +240,16 @@ impl Diagnostic {
         };
         let diagnostic = Self::new(source, span, message);
         if span.start < source.text().len() { diagnostic } else { diagnostic.unterminated() }
+    }
+}
+
+/// How a file that is not UTF-8 is made one that is.
+fn conversion(name: &str, bytes: &[u8]) -> String {
+    let file = if name.starts_with('<') { "FILE".to_owned() } else { word(name) };
+    match bytes {
+        [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => format!("this is UTF-16: convert it by iconv -f utf-16 -t utf-8 {file}"),
+        _ if bytes.contains(&0) => "this is a binary file, not a text".to_owned(),
+        _ => format!("if this is Latin-1, convert it by iconv -f latin1 -t utf-8 {file}"),
     }
 }
 

@@ -33,7 +33,7 @@ pub fn read_parts(request: &Request, folders: &[PathBuf]) -> Result<Vec<Template
             let complain = |message: String| Diagnostic::new(&source, reference.span, message);
             match find(&reference.name, folders).map_err(complain)? {
                 Some(path) => {
-                    let part = read(&path).map_err(|message| complain(format!("`{}`: {message}", reference.name)))?;
+                    let part = read(&path, |message| complain(format!("`{}`: {message}", reference.name)))?;
                     todo.push(part.clone());
                     parts.push(TemplatePart { name: reference.name, source: part });
                 }
@@ -109,12 +109,12 @@ fn find(name: &str, folders: &[PathBuf]) -> Result<Option<PathBuf>, String> {
     Ok(None)
 }
 
-fn read(path: &Path) -> Result<Source, String> {
-    let failed = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
+/// The text of a file; one that is not UTF-8 is shown at its place there.
+fn read(path: &Path, complain: impl Fn(String) -> Diagnostic) -> Result<Source, Diagnostic> {
+    let failed = |error: std::io::Error| complain(format!("cannot read {}: {error}", path.display()));
     // A pipe would be waited for.
     if !fs::metadata(path).map_err(failed)?.is_file() {
-        return Err(format!("{} is not a file", path.display()));
+        return Err(complain(format!("{} is not a file", path.display())));
     }
-    let decoded = decode(&path.display().to_string(), fs::read(path).map_err(failed)?);
-    decoded.map(Source::without_mark).map_err(|error| error.to_string())
+    decode(&path.display().to_string(), fs::read(path).map_err(failed)?).map(Source::without_mark)
 }

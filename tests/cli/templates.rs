@@ -537,6 +537,16 @@ fn a_template_that_is_not_there_is_an_error_that_names_those_that_are() {
 }
 
 #[test]
+fn an_included_template_that_is_not_utf8_is_shown_at_its_place() {
+    let lab = Lab::new();
+    lab.write("t.j2", "{% include 'part.j2' %}");
+    std::fs::write(lab.path().join("part.j2"), b"(a)\n; caf\xe9").unwrap();
+    let run = lab.rmem(&["--config", "/dev/null", "--memory", "mem:", "gen-problem", "-t", "t.j2"]).exits(3);
+    let wanted = "error: part.j2:2:6: expected UTF-8 text, found invalid UTF-8\n  |\n2 | ; caf";
+    assert!(run.stderr.starts_with(wanted), "{run}");
+}
+
+#[test]
 fn what_is_joined_is_a_text_where_it_is_used_as_a_value() {
     let lab = Lab::new();
     for (expression, made) in [

@@ -61,7 +61,7 @@ pub(super) fn run(args: &ImportArgs, context: &mut Context<'_>) -> Result<Exit> 
     refuse_namespace(args)?;
     let mut schema = schema::read(&args.deftemplates, context)?;
     let progress = context.output.progress("importing facts");
-    let sources = args.files.iter().map(|file| context.read(file)).collect::<Result<Vec<Source>>>()?;
+    let sources = args.files.iter().map(|file| context.read_clips(file)).collect::<Result<Vec<Source>>>()?;
     let (first, others) = sources.split_first().ok_or_else(|| UsageError::new("expected a file"))?;
     let texts = Texts::new(first, others.iter().cloned());
     let namespace = args.into.clone().unwrap_or_else(|| context.settings.collection.value.clone());

@@ -11,7 +11,7 @@ use crate::formats::clips::{Item, Reader};
 pub(super) fn read(paths: &[PathBuf], context: &mut Context<'_>) -> Result<Schema> {
     let mut schema = Schema::default();
     for path in paths {
-        let source = context.read(path)?;
+        let source = context.read_clips(path)?;
         let mut reader = Reader::of_templates(&source).with_globals(schema.globals.clone());
         let mut is_used = false;
         for item in reader.by_ref() {

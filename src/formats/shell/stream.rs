@@ -9,7 +9,7 @@ use bson::Document;
 use super::reader::parse_sequence;
 use super::scanner::{MAX_DEPTH, Scanner};
 use crate::fault::{AtFault, Fault};
-use crate::formats::{Diagnostic, Source, Span};
+use crate::formats::{Diagnostic, Position, Source, Span};
 
 /// Why a stream gave no document.
 #[derive(Debug, thiserror::Error)]
@@ -142,7 +142,7 @@ impl<R: BufRead> Reader<R> {
             }
             return Ok(false);
         };
-        let text = decode(&self.name, chunk.bytes, chunk.first_line)?;
+        let text = decode(&self.name, chunk.bytes, (chunk.first_line, 1))?;
         let source = Source::starting_at(self.name.clone(), text, chunk.first_line);
         // A complaint shows the line as it is in the stream.
         let complain = |error: Diagnostic| {
@@ -192,14 +192,9 @@ impl<R: BufRead> Iterator for Reader<R> {
     }
 }
 
-/// The text of some lines of a stream.
-pub(super) fn decode(name: &str, bytes: Vec<u8>, first_line: usize) -> Result<String, Diagnostic> {
-    String::from_utf8(bytes).map_err(|error| {
-        let upto = error.utf8_error().valid_up_to();
-        let before = String::from_utf8_lossy(error.as_bytes().get(..upto).unwrap_or_default()).into_owned();
-        let (line, column) = Source::starting_at("", before, first_line).position(upto);
-        Diagnostic::at(name, line, column, "expected UTF-8 text")
-    })
+/// The text of a part of a stream, which begins at a line and a column.
+pub(super) fn decode(name: &str, bytes: Vec<u8>, first: Position) -> Result<String, Diagnostic> {
+    String::from_utf8(bytes).map_err(|error| Diagnostic::not_utf8(name, &error, first))
 }
 
 #[cfg(test)]
@@ -237,6 +232,6 @@ mod tests {
         let error = Reader::new("in", text.as_bytes()).find_map(Result::err).expect("an error");
         assert!(error.to_string().contains("1 | [{a: 1}, x,\n"), "{error}");
         let error = Reader::new("in", &b"{a: 1}\n{b: '\xff'}\n"[..]).find_map(Result::err).expect("an error");
-        assert_eq!(error.to_string(), "in:2:6: expected UTF-8 text");
+        assert!(error.to_string().starts_with("in:2:6: expected UTF-8 text, found invalid UTF-8\n"), "{error}");
     }
 }

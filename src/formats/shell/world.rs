@@ -116,7 +116,7 @@ impl<'a, R: BufRead> WorldReader<'a, R> {
         let first_line = self.lines + 1;
         let chunk = self.chunk()?;
         let is_end = chunk.is_none();
-        let text = decode(&self.name, chunk.unwrap_or_default(), first_line)?;
+        let text = decode(&self.name, chunk.unwrap_or_default(), (first_line, self.column + 1))?;
         let source = Source::starting_at(Arc::clone(&self.name), text, first_line).in_column(self.column + 1);
         self.column = match source.text().ends_with('\n') {
             true => 0,

@@ -446,6 +446,10 @@ fn odd_files_are_refused_and_files_that_load_themselves_end() {
     [RMEM5] Function 'path-load': folder.clp/../a.clp is being loaded already, or files load one another more than 64 deep
     [RMEM5] Function 'path-load': no file folder.clp in ./; --path names other folders
     [RMEM5] Function 'path-load': bytes.clp:1:2: expected UTF-8 text, found invalid UTF-8
+      |
+    1 | (��
+      |  ^
+      = hint: this is a binary file, not a text
     [RMEM5] Function 'path-load': no file  in ./; --path names other folders
     [RMEM5] Function 'path-load': no file .. in ./; --path names other folders
     [RMEM5] Function 'path-load': no file / in ./; --path names other folders

@@ -86,6 +86,26 @@ fn a_global_without_a_known_value_is_an_error_where_it_is_used() {
 }
 
 #[test]
+fn comments_may_have_any_bytes_and_strings_may_not() {
+    let lab = lab();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(lab.path().join(name), bytes).unwrap();
+    write("facts.clp", b"; Gr\xfc\xdfe\n(deffacts f (at \"a;b\")) ; \xe4 \"\n(at c) ;\xff");
+    write("templates.clp", b";\xfc\n(deftemplate x (slot a))");
+    lab.rmem(&["clips", "import", "facts.clp", "--deftemplates", "templates.clp"]).success();
+    assert_eq!(lab.rmem(&["clips", "export"]).success(), "(at \"a;b\")\n(at c)\n");
+    write("text.clp", b"; \xfc\n(at \"caf\xe9; x\") ; \xfc\n");
+    assert_run!(lab.rmem(&["clips", "import", "text.clp"]), @r#"
+    ------- stderr -------
+    error: text.clp:2:9: expected UTF-8 text, found invalid UTF-8
+      |
+    2 | (at "caf�; x") ; �
+      |         ^
+      = hint: if this is Latin-1, convert it by iconv -f latin1 -t utf-8 text.clp
+    [exit code: 3]
+    "#);
+}
+
+#[test]
 fn equal_facts_are_one_fact() {
     let lab = lab();
     let facts =

@@ -7,7 +7,7 @@ use crate::clips::engine::load;
 use crate::clips::engine::native::{Environment, Value};
 use crate::clips::engine::search_path::MOST_OPEN;
 use crate::clips::engine::state::State;
-use crate::input::{decode, read_file};
+use crate::input::{decode_clips, read_file};
 
 pub(super) const FUNCTIONS: &[Function] = &[
     function(&["path-load", "path-load*", "path-batch", "path-batch*"], 1, 1, load),
@@ -47,7 +47,7 @@ fn load(state: &State<'_>, clips: &Environment, arguments: Arguments<'_>) -> Res
     };
     let shown = path.display().to_string();
     let bytes = read_file(&path).map_err(Failure::declined)?;
-    let program = decode(&shown, bytes).map_err(Failure::declined)?;
+    let program = decode_clips(&shown, bytes).map_err(Failure::declined)?;
     let Some(_opened) = state.search.open(&path) else {
         let message = format!("{shown} is being loaded already, or files load one another more than {MOST_OPEN} deep");
         return Err(Failure::Declined(message));

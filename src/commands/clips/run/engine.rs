@@ -15,8 +15,8 @@ use crate::planner::Host;
 use crate::store::Namespace;
 
 pub(in crate::commands::clips) fn run(args: &RunArgs, context: &mut Context<'_>) -> Result<Exit> {
-    let programs = args.programs.iter().map(|path| context.read(path)).collect::<Result<Vec<Source>>>()?;
-    let facts = args.facts.iter().map(|path| context.read(path)).collect::<Result<Vec<Source>>>()?;
+    let programs = args.programs.iter().map(|path| context.read_clips(path)).collect::<Result<Vec<Source>>>()?;
+    let facts = args.facts.iter().map(|path| context.read_clips(path)).collect::<Result<Vec<Source>>>()?;
     let guard = crate::interrupt::InterruptGuard::new();
     let job = Job {
         programs,
