@@ -348,6 +348,20 @@ fn what_is_the_servers_own_is_left_out_with_a_warning() {
 }
 
 #[test]
+fn metadata_that_are_empty_are_taken_as_none() {
+    let lab = dumped(&[]);
+    lab.write("dump/robmem/blocks.metadata.json", "");
+    lab.write("dump/robmem/gone.metadata.json", "");
+    for path in ["dump", "dump/robmem/blocks.bson"] {
+        let other = Lab::new();
+        let report = other.rmem(&["restore", lab.path().join(path).to_str().unwrap()]).success();
+        assert!(report.contains(r#"{"namespace":"robmem.blocks","inserted":2,"replaced":0,"skipped":0}"#), "{report}");
+    }
+    lab.write("dump/robmem/blocks.metadata.json", " ");
+    lab.rmem(&["restore", "dump"]).exits(3);
+}
+
+#[test]
 fn a_dump_carries_indexes_and_restore_makes_them() {
     for archive in [&["--archive"] as &[&str], &[]] {
         let lab = Lab::new();

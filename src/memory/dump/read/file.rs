@@ -33,21 +33,25 @@ pub(super) fn stem(path: &Path) -> Option<&str> {
     name.strip_suffix(".gz").unwrap_or(name).strip_suffix(".bson")
 }
 
-/// The metadata beside a `.bson` file, where it is there.
+/// The metadata beside a `.bson` file, where there is some.
 pub(super) fn metadata_of(path: &Path) -> Result<Option<Metadata>, ReadError> {
     let Some(stem) = stem(path) else { return Ok(None) };
     let candidates =
         ["metadata.json", "metadata.json.gz"].map(|extension| path.with_file_name(format!("{stem}.{extension}")));
-    candidates.iter().find(|path| path.is_file()).map(|path| read_metadata(path)).transpose()
+    candidates.iter().find(|path| path.is_file()).map_or(Ok(None), |path| read_metadata(path))
 }
 
-/// Reads a metadata file.
-pub(super) fn read_metadata(path: &Path) -> Result<Metadata, ReadError> {
+/// Reads a metadata file; an empty one is as none, as for `mongorestore`.
+pub(super) fn read_metadata(path: &Path) -> Result<Option<Metadata>, ReadError> {
     let mut text = String::new();
     unpacked(path)?.read_to_string(&mut text).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
+    if text.is_empty() {
+        return Ok(None);
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let collection = name.split_once(".metadata.json").map_or(&*name, |(collection, _)| collection).to_owned();
     Metadata::parse(&Source::new(path.display().to_string(), text))
+        .map(Some)
         .map_err(|source| ReadError::Metadata { collection, source })
 }
 

@@ -211,11 +211,10 @@ impl Dump {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if stem(path).is_some() {
             self.add(path)?;
-        } else if name.ends_with(".metadata.json") || name.ends_with(".metadata.json.gz") {
-            let metadata = read_metadata(path)?;
-            if let CollectionKind::Other(kind) = metadata.kind {
-                self.notes.push(format!("{} describes a {kind} and is left out", path.display()));
-            }
+        } else if (name.ends_with(".metadata.json") || name.ends_with(".metadata.json.gz"))
+            && let Some(Metadata { kind: CollectionKind::Other(kind), .. }) = read_metadata(path)?
+        {
+            self.notes.push(format!("{} describes a {kind} and is left out", path.display()));
         }
         Ok(())
     }
