@@ -1,11 +1,13 @@
 //! Domains: what was declared, resolved and checked.
 
+use std::collections::HashMap;
+
 use super::axiom::first_changing;
 use super::feature::{Feature, REQUIREMENTS, Use, Uses};
 use super::model::{Body, Change, Formula, Rule, Variable};
 use super::report::{Report, foreign_or};
 use super::resolve::Resolver;
-use super::table::{Named, Table, nearest, suggestion};
+use super::table::{Named, Table, lower, nearest, suggestion};
 use super::types::{OBJECT, TypeSet};
 use super::validation::negative_cycle;
 use super::vocabulary::{ObjectEntry, Vocabulary, add_objects, check_doubles, twice, variables};
@@ -106,9 +108,11 @@ impl Domain {
     }
 
     fn resolve(source: &Source, dialect: Dialect) -> Result<Self, Vec<Diagnostic>> {
-        let tree = read_domain(source, dialect).map_err(|diagnostic| vec![diagnostic])?;
+        let mut tree = read_domain(source, dialect).map_err(|diagnostic| vec![diagnostic])?;
         let mut report = Report::new(source);
         report.warn_of_dashes();
+        remove_repeated(&mut tree.actions, |action| &action.name, &mut report);
+        remove_repeated(&mut tree.durative_actions, |action| &action.name, &mut report);
         let mut uses = Uses::default();
         check_requirements(&tree.requirements, &mut report);
         let vocabulary = Vocabulary::read(&tree, &mut report);
@@ -282,6 +286,25 @@ fn check_announced(requirements: &[Name], features: &[Use], report: &mut Report<
             report.warning(*span, format!("this needs `:{requirement}`, which `:requirements` does not list"));
         }
     }
+}
+
+/// Removes actions that are declared again with the same text, with a warning, as Fast Downward does.
+fn remove_repeated<A: PartialEq>(actions: &mut Vec<A>, name: impl Fn(&A) -> &Name, report: &mut Report<'_>) {
+    let mut kept: Vec<A> = Vec::with_capacity(actions.len());
+    let mut places: HashMap<Box<str>, usize> = HashMap::with_capacity(actions.len());
+    for action in actions.drain(..) {
+        let name_of = name(&action);
+        let place = *places.entry(lower(name_of.as_str()).into()).or_insert(kept.len());
+        match kept.get(place).filter(|first| **first == action) {
+            Some(first) => {
+                let first = report.position(name(first).span());
+                let message = format!("action `{name_of}` is declared twice, as at {first}; leave one of them out");
+                report.warning(name_of.span(), message);
+            }
+            None => kept.push(action),
+        }
+    }
+    *actions = kept;
 }
 
 fn read_actions(tree: &ast::Domain, resolver: &mut Resolver<'_, '_, '_>) -> Table<Action> {

@@ -319,6 +319,39 @@ fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
 }
 
 #[test]
+fn an_action_that_is_declared_again_with_the_same_text_is_a_warning() {
+    let lab = Lab::new();
+    let domain = |again: &str| {
+        format!(
+            "(define (domain d) (:requirements :durative-actions) (:predicates (p) (q))\n \
+             (:action a :parameters () :precondition (p) :effect (q))\n {again})"
+        )
+    };
+    lab.write("d.pddl", &domain("(:action a :parameters ()\n   ; the same\n   :precondition (p) :effect (q))"));
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init (p)) (:goal (q)))");
+    assert_run!(lab.rmem(&["--memory", "mem:", "plan", "-d", "d.pddl", "-p", "p.pddl"]), @r"
+    (a)
+    ; cost = 1 (unit cost)
+    ------- stderr -------
+    warning: d.pddl:3:11: action `a` is declared twice, as at 2:11; leave one of them out
+      |
+    3 |  (:action a :parameters ()
+      |           ^
+    stored in robmem.plans as [ID]
+    [exit code: 0]
+    ");
+    for again in [
+        "(:action a :parameters () :precondition (q) :effect (p))",
+        "(:action a :precondition (p) :effect (q) :parameters (?x))",
+        "(:durative-action a :parameters () :duration (= ?duration 1) :condition (at start (p)) :effect (at end (q)))",
+    ] {
+        lab.write("d.pddl", &domain(again));
+        let run = lab.rmem(&["validate", "d.pddl"]).exits(3);
+        assert!(run.stderr.contains("is declared twice\n"), "{run}");
+    }
+}
+
+#[test]
 fn parts_of_other_languages_end_in_34_with_their_name() {
     let lab = Lab::new();
     let domain = |effect: &str| {
