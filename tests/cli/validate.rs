@@ -352,6 +352,28 @@ fn an_action_that_is_declared_again_with_the_same_text_is_a_warning() {
 }
 
 #[test]
+fn multi_agent_pddl_ends_in_34_with_its_name() {
+    let lab = Lab::new();
+    let problem = "(define (problem p) (:domain d) (:objects a - agent";
+    for (text, place, what) in [
+        ("(:action go :agent ?a - agent :parameters () :effect (p))", "2:14", "actions with an agent (`:agent`)"),
+        ("(:requirements :multi-agent :factored-privacy)", "2:30", "private facts of agents (`:factored-privacy`)"),
+        ("(:requirements :unfactored-privacy)", "2:17", "private facts of agents (`:unfactored-privacy`)"),
+        ("(:predicates (p) (:private (r)))", "2:20", "private facts of agents (`:private`)"),
+    ] {
+        lab.write("d.pddl", &format!("(define (domain d) (:types agent)\n {text})"));
+        let run = lab.rmem(&["validate", "d.pddl"]).exits(34);
+        let wanted = format!("error: d.pddl:{place}: no planner of rmem can handle {what}\n");
+        assert!(run.stderr.starts_with(&wanted), "{run}");
+        assert!(run.stderr.contains("= hint: rmem plans one problem for all agents"), "{run}");
+    }
+    lab.write("d.pddl", "(define (domain d) (:requirements :typing) (:types agent) (:predicates (p)))");
+    lab.write("p.pddl", &format!("{problem}\n (:private b - agent)) (:init) (:goal (p)))"));
+    let run = lab.rmem(&["validate", "d.pddl", "p.pddl"]).exits(34);
+    assert!(run.stderr.starts_with("error: p.pddl:2:3: no planner of rmem can handle private facts"), "{run}");
+}
+
+#[test]
 fn parts_of_other_languages_end_in_34_with_their_name() {
     let lab = Lab::new();
     let domain = |effect: &str| {

@@ -8,6 +8,7 @@ use crate::formats::{Source, Span};
 pub fn other_language(source: &Source) -> Option<Foreign> {
     const UNSURE: &str = "what actions do has to be certain and known";
     const BY_ITSELF: &str = "what changes by itself may only be timed initial literals: `(at 5 (p))`";
+    const TOGETHER: &str = "rmem plans one problem for all agents; make them parameters of its actions";
     let mut tokens = Tokens::new(source.text(), 0);
     let mut is_first = false;
     // The words since `(at`, where these are a time and then brackets.
@@ -28,6 +29,10 @@ pub fn other_language(source: &Source) -> Option<Foreign> {
             ":non-deterministic" => ("nondeterministic effects (`:non-deterministic`)", UNSURE),
             ":process" if is_first => ("processes (`:process`)", BY_ITSELF),
             ":event" if is_first => ("events (`:event`)", BY_ITSELF),
+            ":agent" if !is_first => ("actions with an agent (`:agent`)", TOGETHER),
+            ":factored-privacy" => ("private facts of agents (`:factored-privacy`)", TOGETHER),
+            ":unfactored-privacy" => ("private facts of agents (`:unfactored-privacy`)", TOGETHER),
+            ":private" if is_first => ("private facts of agents (`:private`)", TOGETHER),
             "=" if is_first && timed.len() == 2 => ("numbers that are set at a time (`(at 5 (= (f) 2))`)", BY_ITSELF),
             _ => {
                 match timed.len() {
