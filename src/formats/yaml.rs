@@ -5,6 +5,9 @@
 //! for. Anchors, aliases and `<<` are resolved. Source: the YAML specification 1.2.2, its core schema, and the types
 //! `timestamp` and `merge` of 1.1; the parser is the crate `saphyr-parser`.
 
+mod indentation;
+
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
 use base64::Engine as _;
@@ -14,16 +17,36 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, StrInput, Tag
 
 use super::shell::{self, MAX_DEPTH};
 use super::{Diagnostic, Position, Source, Span};
+use indentation::Indented;
 
 /// At most so many values come from aliases, so that few lines cannot fill the memory.
 const MOST_ALIASED: usize = 1_000_000;
 
 /// The documents of a YAML text, each with the line and column, from 1, where it begins, once the text before it is
 /// read. After an error nothing more comes.
-pub fn documents(source: &Source) -> impl Iterator<Item = Result<(Position, Document), Diagnostic>> {
+pub fn documents(source: &Source) -> Box<dyn Iterator<Item = Result<(Position, Document), Diagnostic>> + '_> {
+    let indented = Indented::of(source.text());
+    match indented.text {
+        Cow::Borrowed(text) => Box::new(read(source, text, |offset| offset)),
+        // Such a text is copied, and so read at once.
+        Cow::Owned(ref text) => {
+            let read: Vec<_> = read(source, text, |offset| indented.original(offset)).collect();
+            Box::new(read.into_iter())
+        }
+    }
+}
+
+/// The documents of a text which is that of a source but for blanks; `original` leads from its offsets to the source's.
+fn read<'t>(
+    source: &'t Source,
+    text: &'t str,
+    original: impl Fn(usize) -> usize + 't,
+) -> impl Iterator<Item = Result<(Position, Document), Diagnostic>> + 't {
     let mut reader = Reader {
         source,
-        parser: Parser::new_from_str(source.text()),
+        text,
+        original,
+        parser: Parser::new_from_str(text),
         anchors: HashMap::new(),
         left: MOST_ALIASED,
         is_inside: false,
@@ -42,7 +65,8 @@ pub fn documents(source: &Source) -> impl Iterator<Item = Result<(Position, Docu
 /// Returns the texts in the sequence that is the value of a key of the first document, each with the suffix of its
 /// tag: a tag of an application, which [`documents`] passes over. Texts that are no YAML have none.
 pub fn tagged_texts(source: &Source, key: &str) -> Vec<(Option<String>, String)> {
-    let mut parser = Parser::new_from_str(source.text());
+    let indented = Indented::of(source.text());
+    let mut parser = Parser::new_from_str(&indented.text);
     let mut next = || parser.next_event().and_then(Result::ok).map(|(event, _)| event);
     let (mut found, mut depth, mut is_key, mut is_wanted) = (Vec::new(), 0, true, false);
     while let Some(event) = next() {
@@ -68,8 +92,12 @@ pub fn tagged_texts(source: &Source, key: &str) -> Vec<(Option<String>, String)>
     found
 }
 
-struct Reader<'a> {
+struct Reader<'a, F> {
     source: &'a Source,
+    /// The source's text, but for blanks at the beginning of lines.
+    text: &'a str,
+    /// Leads from the text to the source.
+    original: F,
     parser: Parser<'a, StrInput<'a>>,
     anchors: HashMap<usize, Bson>,
     /// How many more values may come from aliases.
@@ -82,7 +110,7 @@ struct Reader<'a> {
 /// An event with its place.
 type Found<'a> = (Event<'a>, saphyr_parser::Span);
 
-impl<'a> Reader<'a> {
+impl<'a, F: Fn(usize) -> usize> Reader<'a, F> {
     /// The next document.
     fn document(&mut self) -> Result<Option<(Position, Document)>, Diagnostic> {
         loop {
@@ -115,7 +143,8 @@ impl<'a> Reader<'a> {
     fn next(&mut self) -> Result<Option<Found<'a>>, Diagnostic> {
         self.parser.next_event().transpose().map_err(|error: ScanError| {
             let place = self.byte(*error.marker());
-            Diagnostic::new(self.source, Span::at(place), format!("this is not YAML: {}", error.info()))
+            let wrong = Diagnostic::new(self.source, Span::at(place), format!("this is not YAML: {}", error.info()));
+            indentation::hint(error.info()).into_iter().fold(wrong, Diagnostic::hint)
         })
     }
 
@@ -216,10 +245,10 @@ impl<'a> Reader<'a> {
         Diagnostic::new(self.source, Span::new(start, end.max(start)), message)
     }
 
-    /// The byte of a place, which the parser counts in characters.
+    /// The byte of the source at a place, which the parser counts in characters.
     fn byte(&self, place: Marker) -> usize {
-        let text = self.source.text();
-        text.char_indices().nth(place.index()).map_or(text.len(), |(byte, _)| byte)
+        let byte = self.text.char_indices().nth(place.index()).map_or(self.text.len(), |(byte, _)| byte);
+        (self.original)(byte)
     }
 }
 
@@ -363,6 +392,29 @@ mod tests {
         for empty in ["", "# nothing\n", "---\n", "[]\n"] {
             assert_eq!(read(empty), Ok(vec![]), "{empty:?}");
         }
+    }
+
+    #[test]
+    fn brackets_and_quotes_go_on_in_lines_that_are_not_indented() {
+        for (text, wanted) in [
+            ("a: [1,\n2]\nb: 3\n", doc! { "a": [1, 2], "b": 3 }),
+            ("p:\n  a: [\"x\",\n  \"y\"]\n  b: 1\n", doc! { "p": { "a": ["x", "y"], "b": 1 } }),
+            ("p:\n  a: {x: 1,\ny: [2,\n3], # ]\n z: \"}\n]\"}\nb: it's\n", {
+                doc! { "p": { "a": { "x": 1, "y": [2, 3], "z": "} ]" } }, "b": "it's" }
+            }),
+            ("p:\n  a: \"x\ny \\\"\n\n z\"\n  b: 'q\nr'\n", doc! { "p": { "a": "x y \"\nz", "b": "q r" } }),
+            ("a: [x y\nz, q\n]\nb: |\n  [1,\n  2\nc: [1,\n2]\n", {
+                doc! { "a": ["x y z", "q"], "b": "[1,\n2\n", "c": [1, 2] }
+            }),
+        ] {
+            assert_eq!(read(text), Ok(vec![wanted]), "{text}");
+        }
+        let text = "a: [1,\n2,\n3]\n---\n- b\n";
+        let source = Source::new("x.yaml", text);
+        let mut all = documents(&source);
+        assert_eq!(all.next().unwrap().unwrap(), ((1, 1), doc! { "a": [1, 2, 3] }));
+        let error = all.next().unwrap().unwrap_err().to_string();
+        assert!(error.starts_with("x.yaml:5:3: expected a document") && error.contains("5 | - b\n  |   ^"), "{error}");
     }
 
     #[test]
