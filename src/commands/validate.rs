@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use bson::{Bson, Document, doc};
 use clap::Args;
 
-use super::template::{is_template, read_domain, warn};
+use super::template::{is_template, warn};
 use super::{Context, WrongInput, error, formats};
 use crate::error::{Error, Result};
 use crate::exit::Exit;
 use crate::formats::command_line::word;
-use crate::formats::{Diagnostic, Diagnostics, Source, pddl::Dialect, plan::read_plan, shell};
+use crate::formats::{Diagnostic, Diagnostics, Source, Span, pddl::Dialect, plan::read_plan, shell};
 use crate::output::Format;
 use crate::pddl::{Domain, Happening, Plan, Problem, Repair, Validation, repair, trace, validate};
 use crate::plan::{reported, rounded};
@@ -41,16 +41,22 @@ pub struct ValidateArgs {
 
 pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit> {
     let format = context.format(&formats::TEXT)?;
-    let domain = read_domain(&args.domain, args.lenient, context).map_err(|error| of_template(error, &args.domain))?;
+    let dialect = Dialect { lenient: args.lenient };
+    let source = context.read_pddl(&args.domain)?;
+    let domain = Domain::read(&source, dialect).map_err(|wrong| of_template(wrong, &source, &args.domain))?;
+    warn(domain.warnings(), context);
     let Some(problem_file) = &args.problem else {
         let valid = doc! { "domain": domain.name(), "valid": true };
         print(&[format!("domain {} is valid", domain.name())], vec![valid], format, context)?;
         return Ok(Exit::Done);
     };
     let source = context.read_pddl(problem_file)?;
-    let problem = Problem::read(&source, &domain, Dialect { lenient: args.lenient }).map_err(Diagnostics);
-    let problem = problem.map_err(|error| of_template(error.into(), problem_file))?;
+    let problem = Problem::read(&source, &domain, dialect);
+    let problem = problem.map_err(|wrong| of_template(wrong, &source, problem_file))?;
     warn(problem.warnings(), context);
+    if let Some(marked) = template_mark(&source, problem_file) {
+        context.output.warn(&marked.to_string());
+    }
     if args.plans.is_empty() {
         let valid = doc! { "domain": domain.name(), "problem": problem.name(), "valid": true };
         print(&[format!("problem {} is valid", problem.name())], vec![valid], format, context)?;
@@ -87,15 +93,41 @@ pub(super) fn run(args: &ValidateArgs, context: &mut Context<'_>) -> Result<Exit
     Ok(unread.or(worst).unwrap_or(Exit::Done))
 }
 
-/// The error of a file that is a template, by the end of its name, with the command that makes PDDL of it.
-fn of_template(error: Error, path: &Path) -> Error {
-    if !is_template(path) || error.downcast_ref::<Diagnostics>().is_none() {
-        return error;
+/// What is wrong with a file; with one that is a template, the command that makes PDDL of it.
+fn of_template(wrong: Vec<Diagnostic>, source: &Source, path: &Path) -> Error {
+    let command = format!("rmem gen-problem --template {} --domain DOMAIN", word(&path.to_string_lossy()));
+    if is_template(path) {
+        let message = "is a template; rmem gen-problem makes a problem of it and checks that";
+        return WrongInput::new(format!("{} {message}: {command}", path.display())).into();
     }
-    let file = word(&path.to_string_lossy());
-    let message = "is a template; rmem gen-problem makes a problem of it and checks that";
-    let command = format!("rmem gen-problem --template {file} --domain DOMAIN");
-    WrongInput::new(format!("{} {message}: {command}", path.display())).into()
+    let is_marked = mark(source).is_some();
+    let advise = |(nth, error): (usize, Diagnostic)| match nth == 0 && is_marked {
+        true => error
+            .without_hints()
+            .hint(format!("this is a template; a problem is made of it and checked by: {command}")),
+        false => error,
+    };
+    Diagnostics(wrong.into_iter().enumerate().map(advise).collect()).into()
+}
+
+/// Where a problem that can be read has a mark of a template.
+fn template_mark(source: &Source, path: &Path) -> Option<Diagnostic> {
+    let span = mark(source)?;
+    let message = format!("`{}` begins a part of a template, and is read as PDDL here", source.slice(span));
+    let command = format!("rmem gen-problem --template {} --domain DOMAIN", word(&path.to_string_lossy()));
+    Some(Diagnostic::new(source, span, message).hint(format!("where it is a template, a problem is made of it and checked by: {command}")))
+}
+
+/// The first mark of a template outside of comments: `<<#`, `{%` or `{{`.
+fn mark(source: &Source) -> Option<Span> {
+    let mut start = 0;
+    source.text().split_inclusive('\n').find_map(|line| {
+        let code = line.split(';').next().unwrap_or_default();
+        let found = ["<<#", "{%", "{{"].iter().filter_map(|mark| Some((code.find(mark)?, mark.len()))).min();
+        let found = found.map(|(at, length)| Span::new(start + at, start + at + length));
+        start += line.len();
+        found
+    })
 }
 
 /// Prints lines for people, or documents.

@@ -126,6 +126,9 @@ fn columns(source: &Source, header: Vec<(String, Span)>) -> Result<Vec<Column>, 
             None => (text.as_str(), Kind::Auto),
         };
         let path: Vec<String> = key.split('.').map(str::to_owned).collect();
+        if text.is_empty() {
+            return Err(no_heading(wrong(format!("column {} has no heading", columns.len() + 1)), columns.is_empty()));
+        }
         if path.iter().any(String::is_empty) || key.contains('\0') {
             return Err(wrong(format!("expected a key, found `{text}`")));
         }
@@ -134,11 +137,25 @@ fn columns(source: &Source, header: Vec<(String, Span)>) -> Result<Vec<Column>, 
         }
         let is_within = |a: &[String], b: &[String]| a.starts_with(b) || b.starts_with(a);
         if let Some(other) = columns.iter().find(|other| is_within(&other.path, &path)) {
-            return Err(wrong(format!("`{key}` and `{}` cannot both be keys of one document", other.path.join("."))));
+            let other = other.path.join(".");
+            let error = wrong(format!("`{key}` and `{other}` cannot both be keys of one document"));
+            let are_numbers = number(key).is_some() && number(&other).is_some();
+            let hint =
+                are_numbers.then_some("the first row has to name the columns; put their names in front of the values");
+            return Err(hint.into_iter().fold(error, Diagnostic::hint));
         }
         columns.push(Column { path, kind });
     }
     Ok(columns)
+}
+
+/// Says what to do about a column without a heading; the first one may be the index of pandas.
+fn no_heading(error: Diagnostic, is_first: bool) -> Diagnostic {
+    let hint = "name it in the first row";
+    match is_first {
+        true => error.hint(format!("{hint}; pandas leaves its index out with df.to_csv(FILE, index=False)")),
+        false => error.hint(hint),
+    }
 }
 
 /// Puts a value at a path.
@@ -375,12 +392,26 @@ mod tests {
             ("a,b\n1,2,3\n", "x.csv:2:5: expected 2 values"),
             ("a,n.int32()\nx,1\ny,1.5\n", "x.csv:3:3: expected an integer of 32 bits for `n`, found `1.5`"),
             ("a.int23()\n", "x.csv:1:1: unknown type `int23`"),
-            ("a,,b\n", "x.csv:1:3: expected a key, found ``"),
+            ("a,,b\n", "x.csv:1:3: column 2 has no heading"),
+            (",a\n0,1\n", "x.csv:1:1: column 1 has no heading"),
+            ("a.,b\n", "x.csv:1:1: expected a key, found `a.`"),
             ("pose,pose.x\n", "x.csv:1:6: `pose.x` and `pose` cannot both be keys"),
             ("a\n\"x\ny\n", "x.csv:2:1: the quoted value has no end"),
         ] {
             let error = read(text).unwrap_err();
             assert!(error.starts_with(place), "{text:?}: {error}");
         }
+        for (text, hint) in [
+            (
+                ",a\n0,1\n",
+                "hint: name it in the first row; pandas leaves its index out with df.to_csv(FILE, index=False)",
+            ),
+            ("1,2.5,1\n", "hint: the first row has to name the columns; put their names in front of the values"),
+            ("1,1.5\n", "hint: the first row has to name the columns; put their names in front of the values"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.ends_with(hint), "{text:?}: {error}");
+        }
+        assert!(!read("a,a\n").unwrap_err().contains("hint"));
     }
 }

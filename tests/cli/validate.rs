@@ -319,6 +319,38 @@ fn objects_that_repeat_a_constant_and_tight_dashes_are_warned_of() {
 }
 
 #[test]
+fn a_template_in_the_place_of_a_problem_gets_the_command_for_it() {
+    let lab = Lab::new();
+    lab.write("d.pddl", "(define (domain d) (:predicates (p ?x)))");
+    lab.write("p.pddl", "; {{ }}\n(define (problem p) (:domain d) (:objects {{ a }}) (:init (p b)) (:goal (and)))");
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl"]), @r"
+    ------- stderr -------
+    error: p.pddl:2:62: object `b` is not declared
+      |
+    2 | (define (problem p) (:domain d) (:objects {{ a }}) (:init (p b)) (:goal (and)))
+      |                                                              ^
+      = hint: this is a template; a problem is made of it and checked by: rmem gen-problem --template p.pddl --domain DOMAIN
+    [exit code: 3]
+    ");
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:objects <<#X|{a:1}>> <<n>> <</X>>) (:init) (:goal (and)))");
+    assert_run!(lab.rmem(&["validate", "d.pddl", "p.pddl"]), @r"
+    problem p is valid
+    ------- stderr -------
+    warning: p.pddl:1:43: `<<#` begins a part of a template, and is read as PDDL here
+      |
+    1 | (define (problem p) (:domain d) (:objects <<#X|{a:1}>> <<n>> <</X>>) (:init) (:goal (and)))
+      |                                           ^^^
+      = hint: where it is a template, a problem is made of it and checked by: rmem gen-problem --template p.pddl --domain DOMAIN
+    [exit code: 0]
+    ");
+    let run = lab.rmem(&["validate", "p.pddl"]).exits(3);
+    assert!(run.stderr.contains("  = hint: this is a template; a problem is made of it and checked by"), "{run}");
+    lab.write("p.pddl", "(define (problem p) (:domain d) (:init (p b)) (:goal (and))) ; {% <<#");
+    let run = lab.rmem(&["validate", "d.pddl", "p.pddl"]).exits(3);
+    assert!(!run.stderr.contains("template"), "{run}");
+}
+
+#[test]
 fn an_action_that_is_declared_again_with_the_same_text_is_a_warning() {
     let lab = Lab::new();
     let domain = |again: &str| {

@@ -12,6 +12,9 @@ const STRETCH: usize = 512;
 /// … and at most about so many where they are plain ones.
 const SKIMMED: usize = 4096;
 
+/// What is said to a comment of Jess or C.
+const COMMENT: &str = "a comment in CLIPS begins with `;` and goes to the end of its line";
+
 #[derive(pest_derive::Parser)]
 #[grammar = "grammars/clips.pest"]
 struct Grammar;
@@ -82,7 +85,11 @@ impl<'a> Lexer<'a> {
             TokenKind::Variable => format!("the variable `{}`", self.text(token)),
             _ => format!("`{}`", self.text(token)),
         };
-        Diagnostic::new(self.source, token.span, format!("expected {expected}, found {found}"))
+        let error = Diagnostic::new(self.source, token.span, format!("expected {expected}, found {found}"));
+        match self.text(token) {
+            text if text.starts_with("/*") || text.starts_with("//") => error.hint(COMMENT),
+            _ => error,
+        }
     }
 
     /// The value that a word is.
@@ -157,7 +164,10 @@ impl<'a> Lexer<'a> {
 
     fn explain(&self, base: usize, error: &pest::error::Error<Rule>) -> Diagnostic {
         let diagnostic = Diagnostic::from_pest_at(self.source, base, error, |_| "a word of CLIPS".to_owned());
-        let rest = self.source.text().get(diagnostic.span().start..).unwrap_or_default();
+        let (before, rest) = self.source.text().split_at_checked(diagnostic.span().start).unwrap_or_default();
+        if before.trim_start().starts_with("/*") {
+            return diagnostic.hint(COMMENT);
+        }
         if rest.starts_with('"') {
             return Diagnostic::new(self.source, diagnostic.span(), "a string without end")
                 .hint("expected `\"`; inside of a string it is written `\\\"`");

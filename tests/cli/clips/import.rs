@@ -106,6 +106,23 @@ fn comments_may_have_any_bytes_and_strings_may_not() {
 }
 
 #[test]
+fn a_comment_of_another_language_gets_a_hint() {
+    assert_run!(lab().rmem_with(&["clips", "import"], "/* it's Jess */\n(a 1)"), @r"
+    ------- stderr -------
+    error: <stdin>:1:1: expected a fact or a construct `(…)`, found `/*`
+      |
+    1 | /* it's Jess */
+      | ^^
+      = hint: a comment in CLIPS begins with `;` and goes to the end of its line
+    [exit code: 3]
+    ");
+    for text in ["/* a \"b */ (a 1)", "(a 1)\n// b\n(b 2)", "(a /* b */ 1)"] {
+        let run = lab().rmem_with(&["clips", "import"], text);
+        assert_eq!(run.stderr.contains("a comment in CLIPS begins with `;`"), !text.starts_with("(a /"), "{run}");
+    }
+}
+
+#[test]
 fn equal_facts_are_one_fact() {
     let lab = lab();
     let facts =
