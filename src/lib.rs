@@ -189,7 +189,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     let mut output = Output::new(process.stdout, process.stderr);
     let given: Vec<String> = args.iter().filter_map(|arg| arg.to_str().map(str::to_owned)).collect();
     let database = || default_database(&given, &process.environment, &process.directory);
-    let cli = match cli::parse(args, database) {
+    let mut cli = match cli::parse(args, database) {
         Ok(cli) => cli,
         Err(error) => return explain(&error, &mut output),
     };
@@ -220,7 +220,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, process: Process<'_>) -> Ex
     );
     context.author = format!("rmem {}", cli.name);
     warn_of_format(&cli.name, &cli.formats, &mut context);
-    let result = commands::run(&cli.command, &mut context);
+    let result = commands::run(&mut cli.command, &mut context);
     context.report_operations();
     let result = result.and_then(|exit| match context.output.flush() {
         // Whoever interrupts a command does not wait for its output, which may have nowhere to go.

@@ -19,7 +19,7 @@ pub struct AggregateArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Array of stages, e.g. '[{$match: {n: 1}}, {$limit: 5}]'
+    /// Array of stages, e.g. '[{$match: {n: 1}}, {$limit: 5}]', or - for stdin
     #[arg(value_name = "PIPELINE")]
     pub pipeline: String,
     /// Which documents are read.

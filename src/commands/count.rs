@@ -19,7 +19,7 @@ pub struct CountArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Query that selects documents (default: all documents)
+    /// Query that selects documents, or - for stdin (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Which documents are read.

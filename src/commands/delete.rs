@@ -28,7 +28,7 @@ pub struct DeleteArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Query that selects documents; an empty one needs --all
+    /// Query that selects documents, or - for stdin; an empty one needs --all
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Remove all documents that match (default: the first)

@@ -24,7 +24,7 @@ pub struct DistinctArgs {
     /// Name of the field, or a dotted path, e.g. pose.x
     #[arg(value_name = "FIELD")]
     pub field: String,
-    /// Query that selects documents (default: all documents)
+    /// Query that selects documents, or - for stdin (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Which documents are read.

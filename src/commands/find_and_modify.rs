@@ -29,10 +29,10 @@ pub struct FindAndModifyArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Query that selects documents
+    /// Query that selects documents, or - for stdin
     #[arg(value_name = "QUERY")]
     pub query: String,
-    /// Update operators, a pipeline, or with --replace a whole document
+    /// Update operators, a pipeline, or with --replace a whole document; - is stdin
     #[arg(value_name = "UPDATE", required_unless_present = "remove", conflicts_with = "remove")]
     pub update: Option<String>,
     /// Remove the document

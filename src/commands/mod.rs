@@ -57,6 +57,7 @@ mod separated;
 mod serve;
 mod table;
 mod template;
+mod texts;
 mod undo;
 mod unlock;
 mod update;
@@ -103,8 +104,9 @@ macro_rules! commands {
         ///
         /// # Errors
         /// What went wrong; [`report`] prints it and gives it a code.
-        pub fn run(command: &Command, context: &mut Context<'_>) -> Result<Exit> {
-            match command {
+        pub fn run(command: &mut Command, context: &mut Context<'_>) -> Result<Exit> {
+            texts::read(texts_of(command), context)?;
+            match &*command {
                 $($(#[$attribute])* Command::$variant(args) => $module::run(args, context),)*
             }
         }
@@ -164,4 +166,33 @@ commands! {
     "completions" Completions(completions::CompletionsArgs),
     "man" Man(man::ManArgs),
     "exit-codes" ExitCodes(exit_codes::ExitCodesArgs),
+}
+
+/// The queries, updates and pipelines of a command line, which may be `-`.
+fn texts_of(command: &mut Command) -> Vec<&mut String> {
+    match command {
+        Command::Query(args) => vec![&mut args.query],
+        Command::Count(args) => vec![&mut args.query],
+        Command::Distinct(args) => vec![&mut args.query],
+        Command::Aggregate(args) => vec![&mut args.pipeline],
+        Command::MapReduce(args) => vec![&mut args.query],
+        Command::Update(args) => vec![&mut args.query, &mut args.update],
+        Command::FindAndModify(args) => std::iter::once(&mut args.query).chain(&mut args.update).collect(),
+        Command::Delete(args) => vec![&mut args.query],
+        Command::History(args) => vec![&mut args.changes.query],
+        Command::Undo(args) => vec![&mut args.changes.query],
+        Command::Watch(args) => vec![&mut args.query],
+        Command::Clips(args) => match &mut args.command {
+            clips::ClipsCommand::Export(args) => args.query.iter_mut().collect(),
+            _ => Vec::new(),
+        },
+        Command::Scene(args) => args.command.query().into_iter().collect(),
+        Command::Schema(args) => vec![&mut args.query],
+        Command::Plot(args) => vec![&mut args.pipeline],
+        #[cfg(feature = "views")]
+        Command::Export(args) => match &mut args.command {
+            export::ExportCommand::Mcap(args) => vec![&mut args.query],
+        },
+        _ => Vec::new(),
+    }
 }

@@ -29,7 +29,7 @@ pub struct QueryArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Query that selects documents (default: all documents)
+    /// Query that selects documents, or - for stdin (default: all documents)
     #[arg(value_name = "QUERY", default_value = "{}", hide_default_value = true)]
     pub query: String,
     /// Sort order, e.g. '{name: 1}' (-1 is descending)

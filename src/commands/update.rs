@@ -31,10 +31,10 @@ pub struct UpdateArgs {
     /// Collection, as DATABASE.COLLECTION
     #[arg(value_name = "NS")]
     pub namespace: Namespace,
-    /// Query that selects documents
+    /// Query that selects documents, or - for stdin
     #[arg(value_name = "QUERY")]
     pub query: String,
-    /// Update operators, a pipeline, or with --replace a whole document
+    /// Update operators, a pipeline, or with --replace a whole document; - is stdin
     #[arg(value_name = "UPDATE")]
     pub update: String,
     /// Change all documents that match (default: the first)

@@ -234,3 +234,38 @@ fn a_large_result_is_separated_by_commas_as_a_small_one() {
     assert_eq!(text.lines().last(), Some(format!("999,,{long}").as_str()));
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "nothing is left");
 }
+
+#[test]
+fn a_dash_in_the_place_of_a_query_reads_it_from_stdin() {
+    let lab = three_documents();
+    let query = "{relation: 'on-table',\n // comment\n n: {$gt: 3}}\n";
+    let name = "robmem.worldmodel";
+    let wanted = lab.rmem(&["query", name, query]).success();
+    assert!(wanted.contains("\"C\""), "{wanted}");
+    assert_eq!(lab.rmem_with(&["query", name, "-"], query).success(), wanted);
+    assert_eq!(lab.rmem_with(&["count", name, "-"], query).success(), "1\n");
+    assert_eq!(lab.rmem_with(&["distinct", name, "n", "-"], query).success(), "4\n");
+    assert_eq!(lab.rmem_with(&["aggregate", name, "-"], "[{$count: 'n'}]\n").success(), "{\"n\":3}\n");
+    lab.rmem_with(&["clips", "export", name, "-"], query).success();
+    let changed = "{\"matched\":1,\"modified\":1}\n";
+    assert_eq!(lab.rmem_with(&["update", name, query, "-"], "{$set: {n: 5}}").success(), changed);
+    assert_eq!(lab.rmem_with(&["update", name, "-", "{$set: {n: 6}}"], query).success(), changed);
+    lab.rmem_with(&["find-and-modify", name, "{}", "-"], "{$set: {seen: true}}").success();
+    assert_eq!(lab.rmem_with(&["delete", name, "-"], query).success(), "1\n");
+    assert_run!(lab.rmem_with(&["update", name, "-", "-"], query), @r"
+    ------- stderr -------
+    error: stdin can be read only once; expected `-` for one text at most
+    [exit code: 2]
+    ");
+    assert_run!(lab.rmem_with(&["query", name, "-"], "{\n  n: {$gth: 1}}"), @r"
+    ------- stderr -------
+    error: <query>:2:7: unknown operator: $gth
+      |
+    2 |   n: {$gth: 1}}
+      |       ^^^^
+      = hint: did you mean `$gt`?
+    [exit code: 3]
+    ");
+    let run = lab.rmem(&["delete", name, "-"]).exits(3);
+    assert!(run.stderr.starts_with("error: <query>:1:1: expected a value, found the end of the text"), "{run}");
+}

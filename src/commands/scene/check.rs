@@ -29,7 +29,7 @@ solid below. An attached object may touch the links of its key `touch`.";
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::DOCUMENTS))]
 pub struct CheckArgs {
     #[command(flatten)]
-    selection: Selection,
+    pub(super) selection: Selection,
     /// Least distance between objects, in metres (default: 0)
     #[arg(long, value_name = "METRES", default_value_t = 0.0, hide_default_value = true)]
     #[arg(allow_negative_numbers = true, value_parser = not_negative)]

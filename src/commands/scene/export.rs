@@ -35,7 +35,7 @@ Other properties that a format lacks (such as attachments in mjcf) are left out 
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::SCENE))]
 pub struct ExportArgs {
     #[command(flatten)]
-    selection: Selection,
+    pub(super) selection: Selection,
     /// File to write (default: stdout)
     #[arg(short, long, value_name = "FILE", default_value = "-", hide_default_value = true)]
     output: PathBuf,

@@ -36,6 +36,20 @@ pub enum SceneCommand {
     Show(show::ShowArgs),
 }
 
+impl SceneCommand {
+    /// The query that selects objects, where there is one.
+    pub(super) fn query(&mut self) -> Option<&mut String> {
+        let selection = match self {
+            Self::Export(args) => &mut args.selection,
+            Self::Watch(args) => &mut args.selection,
+            Self::Check(args) => &mut args.selection,
+            Self::Show(args) => &mut args.selection,
+            Self::Diff(_) | Self::Apply(_) => return None,
+        };
+        Some(&mut selection.query)
+    }
+}
+
 pub(super) fn run(args: &SceneArgs, context: &mut Context<'_>) -> Result<Exit> {
     match &args.command {
         SceneCommand::Export(args) => export::run(args, context),

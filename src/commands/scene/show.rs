@@ -25,7 +25,7 @@ of their x axes. Planes have no outline. A file that ends in .png is a PNG, any 
 #[command(after_help = HELP)]
 pub struct ShowArgs {
     #[command(flatten)]
-    selection: Selection,
+    pub(super) selection: Selection,
     /// The title
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,

@@ -40,7 +40,7 @@ the name NAME, in others NAME:NS; rmem watch --names lists them, rmem watch NS -
 #[command(arg = crate::commands::formats::argument(&crate::commands::formats::SCENE_OPERATIONS))]
 pub struct WatchArgs {
     #[command(flatten)]
-    selection: Selection,
+    pub(super) selection: Selection,
     /// Continue where the last watch with this name ended; a new name starts now
     #[arg(long, value_name = "NAME", value_parser = NonEmptyStringValueParser::new())]
     resume: Option<String>,
