@@ -102,9 +102,9 @@ fn of_template(wrong: Vec<Diagnostic>, source: &Source, path: &Path) -> Error {
     }
     let is_marked = mark(source).is_some();
     let advise = |(nth, error): (usize, Diagnostic)| match nth == 0 && is_marked {
-        true => error
-            .without_hints()
-            .hint(format!("this is a template; a problem is made of it and checked by: {command}")),
+        true => {
+            error.without_hints().hint(format!("this is a template; a problem is made of it and checked by: {command}"))
+        }
         false => error,
     };
     Diagnostics(wrong.into_iter().enumerate().map(advise).collect()).into()
@@ -115,7 +115,10 @@ fn template_mark(source: &Source, path: &Path) -> Option<Diagnostic> {
     let span = mark(source)?;
     let message = format!("`{}` begins a part of a template, and is read as PDDL here", source.slice(span));
     let command = format!("rmem gen-problem --template {} --domain DOMAIN", word(&path.to_string_lossy()));
-    Some(Diagnostic::new(source, span, message).hint(format!("where it is a template, a problem is made of it and checked by: {command}")))
+    Some(
+        Diagnostic::new(source, span, message)
+            .hint(format!("where it is a template, a problem is made of it and checked by: {command}")),
+    )
 }
 
 /// The first mark of a template outside of comments: `<<#`, `{%` or `{{`.

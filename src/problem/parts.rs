@@ -1,8 +1,8 @@
 //! The templates that a template includes, extends or imports, and where they may be.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::generate::spelling;
 use super::{Request, Syntax, TemplatePart, minijinja};
@@ -21,11 +21,13 @@ const MOST_SHOWN: usize = 8;
 /// A name that leads out of the folders, or to no file, at its place.
 pub fn read_parts(request: &Request, folders: &[PathBuf]) -> Result<Vec<TemplatePart>, Diagnostic> {
     let mut parts: Vec<TemplatePart> = Vec::new();
+    let mut computed = Computed::default();
     if spelling(request)? == Syntax::Marker {
         return Ok(parts);
     }
     let mut todo = vec![request.template.clone()];
     while let Some(source) = todo.pop() {
+        computed.look_at(&source);
         for reference in minijinja::references(source.text()) {
             if parts.iter().any(|part| part.name == reference.name) {
                 continue;
@@ -52,8 +54,48 @@ pub fn read_parts(request: &Request, folders: &[PathBuf]) -> Result<Vec<Template
                 }
             }
         }
+        if todo.is_empty() {
+            todo = computed.find(request, folders, &mut parts);
+        }
     }
     Ok(parts)
+}
+
+/// What names may be computed from: the texts in quotes of all templates, and parameters.
+#[derive(Default)]
+struct Computed {
+    /// Whether a template computes a name at all.
+    is_any: bool,
+    /// Names that were not looked for yet, and those that were.
+    next: Vec<String>,
+    known: HashSet<String>,
+}
+
+impl Computed {
+    fn look_at(&mut self, source: &Source) {
+        self.is_any |= minijinja::computes_names(source.text());
+        self.next.extend(minijinja::quoted_texts(source.text()).map(str::to_owned));
+    }
+
+    /// Adds the templates that have such a name, and returns them.
+    fn find(&mut self, request: &Request, folders: &[PathBuf], parts: &mut Vec<TemplatePart>) -> Vec<Source> {
+        let mut found = Vec::new();
+        if !self.is_any {
+            return found;
+        }
+        let parameters = request.parameters.iter().filter_map(|(_, value)| value.as_str()).map(str::to_owned);
+        for name in std::mem::take(&mut self.next).into_iter().chain(parameters) {
+            if !self.known.insert(name.clone()) || parts.iter().any(|part| part.name == name) {
+                continue;
+            }
+            // Most texts are no names; one that leads out is refused where it is used.
+            let Ok(Some(path)) = find(&name, folders) else { continue };
+            let Ok(source) = read(&path, |message| Diagnostic::at(&name, 1, 1, message)) else { continue };
+            found.push(source.clone());
+            parts.push(TemplatePart { name, source });
+        }
+        found
+    }
 }
 
 /// What there is instead of a template: the one most like it, else those beside where it would be.
@@ -89,8 +131,7 @@ fn shown(folder: &Path) -> String {
 /// The file of a name in the first of the folders that has it.
 fn find(name: &str, folders: &[PathBuf]) -> Result<Option<PathBuf>, String> {
     let path = Path::new(name);
-    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if name.is_empty() || !is_inside || name.contains(['\\', '\0']) {
+    if !minijinja::is_inside(name) {
         return Err(format!("`{}` leads out of the folders of templates", name.escape_debug()));
     }
     for folder in folders {

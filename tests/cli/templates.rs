@@ -355,13 +355,89 @@ fn no_name_leads_out_of_the_folders_of_templates() {
       | ^^^^^^^^^^^^^^^^^^^^^
     [exit code: 3]
     ");
-    lab.write("inner/x.j2", "{% set name = 't.j2' %}{% include name %}");
-    assert_run!(lab.rmem(&["gen-problem", "-t", "inner/x.j2"]), @r"
+    for (name, message) in [
+        ("../base.j2", "`../base.j2` leads out of the folders of templates"),
+        ("/etc/hostname", "`/etc/hostname` leads out of the folders of templates"),
+        ("./../base.j2", "`./../base.j2` leads out of the folders of templates"),
+        ("up.j2", "there is no template `up.j2`"),
+        ("host.j2", "there is no template `host.j2`"),
+    ] {
+        for template in [
+            format!("{{% set name = '{name}' %}}{{% include name %}}"),
+            "{% include param('name') %}".to_owned(),
+            format!("{{% for name in ['none.j2', '{name}'] %}}{{% include name ignore missing %}}{{% endfor %}}x"),
+        ] {
+            lab.write("inner/x.j2", &template);
+            let given = format!("name={name}");
+            let options: &[&str] = if template.contains("param") { &["-D", &given] } else { &[] };
+            let run = lab.rmem(&[&["gen-problem", "-t", "inner/x.j2"], options].concat());
+            if template.contains("missing") && !message.contains("leads") {
+                assert_eq!(run.success(), "x");
+            } else {
+                assert!(run.exits(3).stderr.contains(&format!(": {message}\n")), "{template}");
+            }
+        }
+    }
+}
+
+#[test]
+fn names_of_templates_may_be_chosen_whatever_was_included_before() {
+    let lab = parts();
+    lab.write("a.j2", "(a)");
+    lab.write("b.j2", "(b {% include next %})");
+    lab.write("lib/c.j2", "{% macro c() %}(c){% endmacro %}(d)");
+    let made = |template: &str| {
+        lab.write("x.j2", template);
+        lab.rmem(&["gen-problem", "-t", "x.j2", "--template-path", "lib", "-D", "kind=a.j2"])
+    };
+    for (template, text) in [
+        ("{% set t = 'a.j2' %}{% include t %}{% if kind %}{% endif %}", "(a)"),
+        ("{% include kind %}", "(a)"),
+        ("{% set next = kind %}{% for t in ['a.j2', \"b.j2\"] %}{% include t %}{% endfor %}", "(a)(b (a))"),
+        ("{% include 'a.j2' %}{% set t = 'a.j2' %}{%- include t -%}{% if kind %}{% endif %}", "(a)(a)"),
+        ("{% include 'a.j2' if kind == 'b.j2' else 'c.j2' %}", "(d)"),
+        ("{% include ['no.j2', kind] %}", "(a)"),
+        ("{% include kind ~ '' ignore missing %}", "(a)"),
+        ("{% set t = ['c.j2'] %}{% import t[0] as c %}{{ c.c() }}{% include kind with context %}", "(c)(a)"),
+        ("{% from {'a': 'c.j2'}[kind|first] import c %}{{ c() }}", "(c)"),
+        ("{% set t = 'no.j2' %}{% include t ignore missing %}{% include kind %}", "(a)"),
+    ] {
+        let run = made(template);
+        assert_eq!((run.code, run.stdout.as_str()), (0, text), "{template}: {run}");
+    }
+    assert_run!(made("{% include 'a.j2' %}\n{% include kind|first ~ '.j2' %}\n{% include 'b' ~ '.j2' ignore missing %}"), @r"
     ------- stderr -------
-    error: inner/x.j2:1:27: there is no such template; one that is included is named in quotes, in the tag itself
+    error: x.j2:3:1: `b.j2` is not the name of a template that is written in quotes
       |
-    1 | {% set name = 't.j2' %}{% include name %}
-      |                           ^^^^^^^^^^^^
+    3 | {% include 'b' ~ '.j2' ignore missing %}
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: a name may be chosen, but not put together: write each as a whole, or give it with -D
+    [exit code: 3]
+    ");
+    assert_run!(made("{% include kind %}\n{% for t in ['a.j2', 'no.j2'] %}{% include t %}{% endfor %}"), @r"
+    ------- stderr -------
+    error: x.j2:2:33: there is no template `no.j2`
+      |
+    2 | {% for t in ['a.j2', 'no.j2'] %}{% include t %}{% endfor %}
+      |                                 ^^^^^^^^^^^^^^^
+      = hint: it is looked for in the folder of the template, and in those of --template-path
+    [exit code: 3]
+    ");
+    assert_run!(made("{% include kind %}{% include ['no.j2', 'none.j2'] %}"), @r"
+    ------- stderr -------
+    error: x.j2:1:19: there is none of the templates `no.j2`, `none.j2`
+      |
+    1 | {% include kind %}{% include ['no.j2', 'none.j2'] %}
+      |                   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      = hint: it is looked for in the folder of the template, and in those of --template-path
+    [exit code: 3]
+    ");
+    assert_run!(made("{% include kind %}{% include 3 %}"), @r"
+    ------- stderr -------
+    error: x.j2:1:22: template name was not a string
+      |
+    1 | {% include kind %}{% include 3 %}
+      |                      ^^^^^^^^^
     [exit code: 3]
     ");
 }

@@ -13,6 +13,7 @@ use minijinja::{Error, ErrorKind, Output};
 use super::compared::Compared;
 use super::direct::{Direct, lock};
 use super::instrument::Numbered;
+use super::naming::Names;
 use super::pieces::{Piece, is_cut, is_marked, may_be_marked, pieces};
 use super::plan::Plan;
 use super::value::{CLOSE, Joined, Looked, Missing, OPEN, Other, to_bson, write_double};
@@ -40,6 +41,8 @@ pub(super) struct Context {
     pub(super) plans: Vec<Arc<Plan>>,
     /// What one of them goes through, where that ended the rendering.
     pub(super) stopped: Mutex<Option<Span>>,
+    /// The names of templates that may be computed.
+    pub(super) names: Names,
     pub(super) looked: Arc<Looked>,
     pub(super) compared: Compared,
     failure: Mutex<Option<StoreError>>,
@@ -94,7 +97,7 @@ pub(super) fn invalid(message: impl Into<String>) -> Error {
 
 impl Context {
     pub(super) fn new(asker: Asker, numbered: Numbered) -> Self {
-        let Numbered { sites, written, compared, plans, .. } = numbered;
+        let Numbered { sites, written, compared, plans, names, .. } = numbered;
         Self {
             asker,
             sites,
@@ -104,6 +107,7 @@ impl Context {
             written,
             plans: plans.into_iter().map(Arc::new).collect(),
             stopped: Mutex::default(),
+            names,
             looked: Arc::default(),
             compared: Compared::new(compared),
             failure: Mutex::default(),

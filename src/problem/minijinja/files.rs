@@ -2,6 +2,7 @@
 
 use super::bound;
 use super::instrument::{Instrumented, Numbered, instrument};
+use super::naming::Names;
 use super::value::{CLOSE, OPEN};
 use crate::formats::Texts;
 use crate::formats::{Diagnostic, Source, Span};
@@ -30,6 +31,7 @@ impl Files {
             bound::check(source)?;
             instrumented.push((name.to_owned(), instrument(source.text(), *base, &all, is_noted, &mut numbered)));
         }
+        numbered.names = Names::of(request);
         Ok((Self { texts, instrumented }, numbered))
     }
 

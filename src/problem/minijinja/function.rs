@@ -121,6 +121,10 @@ pub(super) fn register(environment: &mut Environment<'_>, context: &Arc<Context>
             Ok(Value::from_object(Rows { plan, documents }))
         });
     }
+    let shared = Arc::clone(context);
+    environment.add_function(super::instrument::PART, move |name: Value, is_optional: bool| {
+        shared.names.choose(name, is_optional)
+    });
     casing::register(environment, context);
     compare::register(environment, context);
     let shared = Arc::clone(context);

@@ -4,6 +4,7 @@
 //! template called it. So each `{{ x }}` becomes `{{( x )|_at(n)}}`, and each
 //! `query(…)` becomes `query(n, …)`, where `n` is the number of the place.
 //! [`Instrumented::original`] turns offsets of the result back.
+//! A template whose name is computed, as in `{% include x %}`, goes through a function: `{% include _part(x, false) %}`.
 //! Fixed text gets a mark, `OPEN-nCLOSE`, in front of its first character that is no white space. A `{% filter x %}` becomes
 //! `{% filter x|_block(n) %}`. Comparisons and the operands of
 //! `~` and `+` get filters, see [`comparisons`] and [`operands`].
@@ -13,6 +14,7 @@ use std::collections::{BTreeMap, HashSet};
 use super::compared::Side;
 use super::comparisons::comparisons;
 use super::fixed::Fixed;
+use super::naming::{Given, Names, Naming};
 use super::operands::operands;
 use super::plan::{Plan, Planned, ROWS, plan};
 use super::tags::{TagKind, tags};
@@ -28,6 +30,9 @@ pub(super) const AT: &str = "_at";
 /// The same, for a `{% filter %}` block: its text has to remain text.
 pub(super) const BLOCK: &str = "_block";
 
+/// The function that finds out which template a computed name means.
+pub(super) const PART: &str = "_part";
+
 /// The places that have a number, in all texts.
 #[derive(Debug, Default)]
 pub(super) struct Numbered {
@@ -39,6 +44,8 @@ pub(super) struct Numbered {
     pub(super) texts: Vec<Span>,
     /// Loops that are written without minijinja.
     pub(super) plans: Vec<Plan>,
+    /// The names of templates that may be computed.
+    pub(super) names: Names,
     /// The two sides of each comparison, by its site.
     pub(super) compared: BTreeMap<usize, (Side, Side)>,
 }
@@ -128,7 +135,10 @@ pub(super) fn instrument(
             TagKind::Raw => text(tag.span, numbered, &mut result),
             TagKind::Expression if !is_noted => calls(template, tag.span, numbered, &mut result),
             TagKind::Statement if tag.word() == "filter" => filter(template, tag.span, numbered, &mut result),
-            TagKind::Statement => calls(template, tag.span, numbered, &mut result),
+            TagKind::Statement => match Naming::of(&tag).filter(|naming| !matches!(naming.given(), Given::Name(_))) {
+                Some(naming) => part(template, tag.span, &naming, numbered, &mut result),
+                None => calls(template, tag.span, numbered, &mut result),
+            },
             TagKind::Expression => expression(template, tag.span, numbered, &mut result),
         }
         offset = tag.span.end;
@@ -166,6 +176,18 @@ fn expression(template: &str, tag: Span, numbered: &mut Numbered, result: &mut I
     calls(template, Span::new(tag.start + open, tag.start + close), numbered, result);
     result.insert(&format!(")|{AT}({site})"));
     result.text.push_str(&text[close..]);
+}
+
+/// `{% include x %}` to `{% include _part(x, false) %}`.
+fn part(template: &str, tag: Span, naming: &Naming<'_>, numbered: &mut Numbered, result: &mut Instrumented) {
+    numbered.sites.push(Span::new(result.base + tag.start, result.base + tag.end));
+    let start = tag.start + naming.at;
+    let end = start + naming.expression.len();
+    result.text.push_str(&template[tag.start..start]);
+    result.insert(&format!("{PART}("));
+    calls(template, Span::new(start, end), numbered, result);
+    result.insert(&format!(", {})", naming.is_optional));
+    result.text.push_str(&template[end..tag.end]);
 }
 
 /// `{% filter x %}` to `{% filter x|_block(n) %}`.
@@ -283,6 +305,10 @@ mod tests {
             ("{{ count() }}", "{{( count(1) )|_at(0)}}"),
             ("{% raw %}{{ x }}{% endraw %}{# {{ x }} #}", "{% raw %}<-0>{{ x }}{% endraw %}{# {{ x }} #}"),
             ("{%- filter f(1) -%}a{% endfilter %}", "{%- filter f(1)|_block(0) -%}a{% endfilter %}"),
+            ("{%- include x -%}", "{%- include _part(x, false) -%}"),
+            ("{% import f(x) as y %}", "{% import _part(f(x), false) as y %}"),
+            ("{% include ['a', 'b'] ignore missing %}", "{% include _part(['a', 'b'], true) ignore missing %}"),
+            ("{% include 'a' %}{% extends \"b\" %}", "{% include 'a' %}{% extends \"b\" %}"),
             ("{% filter %}a{% endfilter %}", "{% filter %}a{% endfilter %}"),
             ("{{ '}}' ~ {'a': {}} }}", "{{( '}}' ~ {'a': {}}|_written )|_at(0)}}"),
             ("{{ 'count(' }}", "{{( 'count(' )|_at(0)}}"),

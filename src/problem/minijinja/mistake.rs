@@ -132,9 +132,7 @@ fn message(error: &Error, expression: &str) -> String {
         ErrorKind::UndefinedError if !expression.is_empty() && !expression.contains('\n') => {
             format!("`{expression}` is undefined")
         }
-        ErrorKind::TemplateNotFound => {
-            "there is no such template; one that is included is named in quotes, in the tag itself".to_owned()
-        }
+        ErrorKind::TemplateNotFound => "there is no such template".to_owned(),
         ErrorKind::WriteFailure => std::error::Error::source(error)
             .map_or_else(|| "the text cannot be written".to_owned(), ToString::to_string),
         ErrorKind::OutOfFuel => "the template does not come to an end".to_owned(),

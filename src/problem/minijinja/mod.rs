@@ -20,6 +20,7 @@ mod join;
 mod limits;
 mod method;
 mod mistake;
+mod naming;
 mod operands;
 mod pieces;
 mod plan;
@@ -55,10 +56,11 @@ use files::Files;
 use function::register;
 pub(super) use instrument::PLACED;
 use mistake::explain;
+use naming::Naming;
+pub(super) use naming::{computes_names, is_inside, quoted_texts, references};
 use pieces::{Piece, bracketed, pieces};
 use rows::Rows;
 use source_lines::SourceLines;
-pub(super) use tags::references;
 use value::from_bson;
 
 /// How deep macros may call each other.
@@ -166,6 +168,10 @@ pub(super) fn taken(request: &Request) -> Taken {
         };
         all.names.extend(template.undeclared_variables(false));
         for tag in tags::tags(source.text()) {
+            if let Some(naming) = Naming::of(&tag) {
+                // minijinja does not look into these either.
+                all.names.extend(tags::words(naming.expression).into_iter().map(|(_, word)| word.to_owned()));
+            }
             if tag.word() == "filter" {
                 // minijinja does not list these; its arguments are in brackets.
                 let at = tag.code().find('(').unwrap_or(tag.code().len());

@@ -77,38 +77,6 @@ pub(super) fn tags(template: &str) -> impl Iterator<Item = Tag<'_>> + Clone {
     })
 }
 
-/// A template that another one names.
-#[derive(Debug, PartialEq, Eq)]
-pub(in crate::problem) struct Reference {
-    pub(in crate::problem) name: String,
-    /// The tag that names it.
-    pub(in crate::problem) span: Span,
-    /// Whether it may be missing.
-    pub(in crate::problem) is_optional: bool,
-}
-
-/// The templates that a template includes, extends or imports: those that its tags name in quotes.
-pub(in crate::problem) fn references(template: &str) -> Vec<Reference> {
-    let mut references = Vec::new();
-    let is_naming = |tag: &Tag<'_>| {
-        tag.kind == TagKind::Statement && ["include", "extends", "import", "from"].contains(&tag.word())
-    };
-    for tag in tags(template).filter(is_naming) {
-        let code = tag.code();
-        let is_optional = code.contains('[') || tag.words().iter().any(|(_, word)| *word == "missing");
-        let mut rest = code;
-        while let Some((quote, start)) =
-            rest.find(['"', '\'']).and_then(|at| Some((rest[at..].chars().next()?, at + 1)))
-        {
-            let Some(length) = rest[start..].find(quote) else { break };
-            let name = rest[start..start + length].to_owned();
-            references.push(Reference { name, span: tag.span, is_optional });
-            rest = &rest[start + length + 1..];
-        }
-    }
-    references
-}
-
 fn next_tag(template: &str, from: usize) -> Option<usize> {
     let rest = &template.as_bytes()[from..];
     rest.windows(2).position(|pair| pair[0] == b'{' && matches!(pair[1], b'{' | b'%' | b'#')).map(|at| from + at)
@@ -200,11 +168,6 @@ mod tests {
                 (TagKind::Expression, "{{"),
             ]
         );
-        let named =
-            "{% extends 'a.j2' %}{% include [\"b.j2\", 'c.j2'] %}{% from 'd' import e %}{% include x ignore missing %}";
-        let named: Vec<_> = references(named).into_iter().map(|one| (one.name, one.is_optional)).collect();
-        let wanted = [("a.j2", false), ("b.j2", true), ("c.j2", true), ("d", false)];
-        assert_eq!(named, wanted.map(|(name, is_optional)| (name.to_owned(), is_optional)));
         let first = tags(template).next().unwrap();
         assert_eq!((first.word(), first.code()), ("if", "if x == '%}'"));
         assert_eq!(first.words(), [(0, "if"), (3, "x")]);
