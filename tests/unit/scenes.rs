@@ -437,7 +437,7 @@ fn what_is_wrong_in_a_file_is_shown_at_its_place() {
             "<Environment><KinBody name='a'><Body><Geom type='cage'/></Body></KinBody></Environment>",
             "unknown geometry `cage`",
         ),
-        ("<Environment>\n<Robot/></Environment>", "scene:2:1: unknown element <Robot>"),
+        ("<Environment>\n<Sensor/></Environment>", "scene:2:1: unknown element <Sensor>"),
         ("demo\n* a\n1 2 3\n0 0 0 2\n0\n0\n.\n", "scene:4:1: a quaternion of length 2"),
         ("demo\n* a\n1 2 3\n0 0 0 1\n1\npyramid\n", "scene:6:1: unknown shape `pyramid`"),
         ("demo\n* a\n1 2 3\n0 0 0 1\n1\nsphere\n-1\n", "a sphere that has the radius -1"),

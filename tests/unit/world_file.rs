@@ -317,16 +317,18 @@ fn counting_leaves_out_what_decayed_with_and_without_a_filter() {
 fn expire_removes_what_is_over_and_says_what() {
     let (start, blocks) = (DateTime::now().timestamp_millis(), ns("a.b"));
     let minutes = |minutes: i64| at(start + minutes * 60_000);
-    let memory = Memory::new(Box::new(Embedded::in_memory().unwrap()), None, Vec::new());
     let info = |info: bson::Document| doc! { "_robmem_info": info };
+    let computed =
+        |until: i64| info(doc! { "computed": true, "cached_until": minutes(until), "decay_time": minutes(until) });
+    let store = Embedded::in_memory().unwrap();
+    store.insert(&blocks, vec![computed(12), computed(92)]).unwrap();
+    let memory = Memory::new(Box::new(store), None, Vec::new());
     memory
         .insert(
             &blocks,
             vec![
                 info(doc! { "decay_time": minutes(15) }),
                 info(doc! { "decay_time": minutes(95) }),
-                info(doc! { "computed": true, "cached_until": minutes(12) }),
-                info(doc! { "computed": true, "cached_until": minutes(92) }),
                 info(doc! { "persistent": false }),
                 info(doc! { "persistent": true }),
                 doc! { "seen": minutes(10) },
