@@ -319,24 +319,24 @@ fn a_document_that_is_refused_is_shown_at_its_place() {
 fn a_text_that_is_not_utf8_is_shown_with_what_converts_it() {
     let lab = Lab::new();
     let write = |name: &str, bytes: &[u8]| std::fs::write(lab.path().join(name), bytes).unwrap();
-    write("my docs.json", b"\n{b: 'caf\xe9'}\n");
-    write("a.csv", b"a\ncaf\xe9\n");
+    write("my docs.json", b"\n{b: 'cup\xe9'}\n");
+    write("a.csv", b"a\ncup\xe9\n");
     write("wide.csv", b"\xff\xfea\x00\n\x00");
     write("image.json", b"\x89PNG\0\r\n");
-    write("t.j2", b"(a)\n{# caf\xe9 #}");
-    write("rmem.toml", b"# caf\xe9\n");
+    write("t.j2", b"(a)\n{# cup\xe9 #}");
+    write("rmem.toml", b"# cup\xe9\n");
     let latin = |file: &str| format!("if this is Latin-1, convert it by iconv -f latin1 -t utf-8 {file}");
     let wide = "this is UTF-16: convert it by iconv -f utf-16 -t utf-8 wide.csv".to_owned();
     let binary = "this is a binary file, not a text".to_owned();
     let (insert, file, config) =
         (["insert", "n.c", "--file"], "my docs.json", ["--config", "rmem.toml", "collections"]);
     for (arguments, place, line, caret, hint) in [
-        ([&insert[..], &[file]], "my docs.json:2:9", "{b: 'caf\u{fffd}'}", 8, latin("\"my docs.json\"")),
-        ([&insert[..], &["a.csv"]], "a.csv:2:4", "caf\u{fffd}", 3, latin("a.csv")),
+        ([&insert[..], &[file]], "my docs.json:2:9", "{b: 'cup\u{fffd}'}", 8, latin("\"my docs.json\"")),
+        ([&insert[..], &["a.csv"]], "a.csv:2:4", "cup\u{fffd}", 3, latin("a.csv")),
         ([&insert[..], &["wide.csv"]], "wide.csv:1:1", "\u{fffd}\u{fffd}a", 0, wide),
         ([&insert[..], &["image.json"]], "image.json:1:1", "\u{fffd}PNG", 0, binary),
-        ([&["gen-problem", "-t"][..], &["t.j2"]], "t.j2:2:7", "{# caf\u{fffd} #}", 6, latin("t.j2")),
-        ([&config[..], &[]], "$LAB/rmem.toml:1:6", "# caf\u{fffd}", 5, latin("$LAB/rmem.toml")),
+        ([&["gen-problem", "-t"][..], &["t.j2"]], "t.j2:2:7", "{# cup\u{fffd} #}", 6, latin("t.j2")),
+        ([&config[..], &[]], "$LAB/rmem.toml:1:6", "# cup\u{fffd}", 5, latin("$LAB/rmem.toml")),
     ] {
         let arguments = arguments.concat();
         let none: &[&str] = if arguments.contains(&"--config") { &[] } else { &["--config", "/dev/null"] };

@@ -226,9 +226,9 @@ fn a_change_of_a_collection_that_cannot_be_done_says_why() {
     error: expected what to change: --validator QUERY, --validation-level LEVEL or --validation-action ACTION
     [exit code: 2]
     ");
-    assert_run!(lab.rmem(&["coll-mod", "robmem.boxs", "--validator", "{}"]), @r"
+    assert_run!(lab.rmem(&["coll-mod", "robmem.boxes1", "--validator", "{}"]), @r"
     ------- stderr -------
-    error: no collection robmem.boxs; did you mean robmem.boxes?
+    error: no collection robmem.boxes1; did you mean robmem.boxes?
     [exit code: 3]
     ");
     assert_run!(lab.rmem(&["coll-mod", NS, "--validator", "{weight: {$greater: 0}}"]), @r"

@@ -166,7 +166,7 @@ fn elements_and_attributes_with_a_prefix_are_passed_over() {
         (custom.replace("1 2 3", "1 2"), "a.sdf:1:136: <size> has 2 numbers; expected 3"),
         (custom.replace("1 2 3", "1 2").replace("'1.6'>", "'1.6'>\n"), "a.sdf:2:117: <size> has 2 numbers; expected 3"),
         (custom.replace("gz:type='b'", "type='b'"), "a.sdf:1:61: unknown attribute `type` of <pose>"),
-        (custom.replace("</model>", "</modell>"), "this is no XML: expected 'model' tag, not 'modell'"),
+        (custom.replace("</model>", "</modem>"), "this is no XML: expected 'model' tag, not 'modem'"),
         (
             custom.replace("<drake:prox", "<prox").replace("</drake:prox", "</prox"),
             "unknown element <proximity_properties> in <collision>",
