@@ -57,7 +57,7 @@ impl Command {
         }
     }
 
-    /// Whether it may say who has to confirm what is written (`writeConcern`).
+    /// Whether it takes a `writeConcern`: where it writes, and at the ends of transactions.
     pub(super) fn takes_write_concern(&self) -> bool {
         match self.run {
             Run::Here(_) | Run::Read(_) => matches!(self.name, "commitTransaction" | "abortTransaction"),

@@ -17,8 +17,8 @@ use crate::store::Find;
 pub(super) const COMMANDS: &[Command] = &[Command::read("explain", explain)];
 
 /// The commands that are explained.
-const EXPLAINED: [&str; 9] =
-    ["aggregate", "count", "delete", "distinct", "find", "findAndModify", "findandmodify", "mapReduce", "update"];
+const EXPLAINED: [&str; 8] =
+    ["aggregate", "count", "delete", "distinct", "find", "findAndModify", "mapReduce", "update"];
 
 fn explain(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();

@@ -97,15 +97,17 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
     let request = Arc::new(Request::read(body)?);
     let activity = Arc::clone(&client.activity);
     let _active = activity.begin(&request);
-    let writes = command.is_some_and(|command| command.is_writing(&request) || command.name == "commitTransaction");
-    let (is_unacknowledged, failure) = (request.is_unacknowledged(), request.unmet_concern().filter(|_| writes));
+    let writes = |command: &Command| command.is_writing(&request) || command.name == "commitTransaction";
+    let failure = request.unmet_concern().filter(|_| command.is_some_and(writes));
+    let is_unacknowledged = request.is_unacknowledged();
     let ns = failure.as_ref().map(|_| home(&request));
     let unacknowledged = match request.name.as_str() {
         "insert" | "delete" => Some(rawdoc! { "n": 0 }),
         "update" => Some(rawdoc! { "n": 0, "nModified": 0 }),
         _ => None,
     };
-    let mut reply = noted(host, client, request, form)?;
+    let Some(command) = command else { return Err(unknown(&request)) };
+    let mut reply = noted(host, client, command, request, form)?;
     if let Some(unacknowledged) = unacknowledged.filter(|_| is_unacknowledged) {
         return Ok(unacknowledged);
     }
@@ -119,17 +121,28 @@ pub(super) fn run(host: &mut Host<'_>, client: &mut Client, body: Document, form
 }
 
 /// Dispatches a command, and notes how long it took.
-fn noted(host: &mut Host<'_>, client: &mut Client, request: Arc<Request>, form: Form) -> Answer {
+fn noted(
+    host: &mut Host<'_>,
+    client: &mut Client,
+    command: &'static Command,
+    request: Arc<Request>,
+    form: Form,
+) -> Answer {
     let known = Arc::clone(&request);
-    let answer = dispatch(host, client, request, form);
-    if let (Some(command), Ok(_)) = (find(&known.name), &answer) {
+    let answer = dispatch(host, client, command, request, form);
+    if answer.is_ok() {
         host.server.usage.note(&known, command.is_writing(&known), known.since.elapsed());
     }
     answer
 }
 
-fn dispatch(host: &mut Host<'_>, client: &mut Client, request: Arc<Request>, form: Form) -> Answer {
-    let Some(command) = find(&request.name) else { return Err(unknown(&request)) };
+fn dispatch(
+    host: &mut Host<'_>,
+    client: &mut Client,
+    command: &'static Command,
+    request: Arc<Request>,
+    form: Form,
+) -> Answer {
     if form == Form::Query && !QUERIED.contains(&command.name) {
         let message = format!("Unsupported OP_QUERY command: {}; use OP_MSG", request.name);
         return Err(Failure::new(codes::NO_QUERY, message));
