@@ -71,13 +71,16 @@ pub(crate) fn has_ports(hosts: &str) -> bool {
 /// in which positions have to stay.
 #[must_use]
 pub fn masked_excerpt(text: &str) -> String {
-    let is_end = |c: char| c.is_whitespace() || "\"'".contains(c);
+    let in_word = |word: &str| secret(word).filter(|range| range.start > 0).or_else(|| secret_port(word));
+    starred(text, |c| c.is_whitespace() || "\"'".contains(c), in_word)
+}
+
+/// A text of the same length with `*` for what `secret` finds in each of its words, which end as `is_end` says.
+fn starred(text: &str, is_end: fn(char) -> bool, secret: impl Fn(&str) -> Option<Range<usize>>) -> String {
     let mut shown = String::with_capacity(text.len());
     for part in text.split_inclusive(is_end) {
-        let word = part.strip_suffix(is_end).unwrap_or(part);
-        let secret = secret(word).filter(|range| range.start > 0).or_else(|| secret_port(word));
-        let Range { start, end } = secret.unwrap_or_default();
-        shown.extend([&word[..start], &"*".repeat(end - start), &part[end..]]);
+        let Range { start, end } = secret(part.strip_suffix(is_end).unwrap_or(part)).unwrap_or_default();
+        shown.extend([&part[..start], &"*".repeat(end - start), &part[end..]]);
     }
     shown
 }
@@ -89,13 +92,7 @@ pub fn masked_message(text: &str) -> Cow<'_, str> {
     if !text.contains("://") {
         return Cow::Borrowed(text);
     }
-    let is_end = |c: char| c.is_whitespace() || "\"'`".contains(c);
-    let mut shown = String::with_capacity(text.len());
-    for part in text.split_inclusive(is_end) {
-        let Range { start, end } = user_info(part.strip_suffix(is_end).unwrap_or(part)).unwrap_or_default();
-        shown.extend([&part[..start], &"*".repeat(end - start), &part[end..]]);
-    }
-    Cow::Owned(shown)
+    Cow::Owned(starred(text, |c| c.is_whitespace() || "\"'`".contains(c), user_info))
 }
 
 /// How messages write the credentials that a URI may have.
