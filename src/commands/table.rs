@@ -1,9 +1,10 @@
 //! Documents in columns: tables for people, CSV and TSV for programs.
 
 use bson::{Bson, Document};
-use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
+use unicode_width::UnicodeWidthStr as _;
 
 use crate::calendar::day_and_time;
+use crate::formats::visible::cut;
 use crate::formats::{shell, visible};
 
 /// The key whose value tells kinds of documents apart.
@@ -87,19 +88,6 @@ fn fit(widths: &mut [usize], available: usize) {
         let Some(widest) = widths.iter_mut().max().filter(|widest| **widest > LEAST) else { return };
         *widest -= 1;
     }
-}
-
-/// Returns the text with `…` at its end where it is wider than `width`.
-fn cut(text: &str, width: usize) -> String {
-    if text.width() <= width {
-        return text.to_owned();
-    }
-    let mut used = 1;
-    let fits = |c: &char| {
-        used += c.width().unwrap_or_default();
-        used <= width
-    };
-    text.chars().take_while(fits).collect::<String>() + "…"
 }
 
 fn padded(text: &str, width: usize) -> String {

@@ -6,6 +6,8 @@
 
 use std::borrow::Cow;
 
+use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
+
 /// Whether a character changes how a terminal shows the text around it.
 fn is_hidden(c: char) -> bool {
     c.is_control()
@@ -34,6 +36,20 @@ pub fn lines(text: &str) -> Cow<'_, str> {
 #[must_use]
 pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
+}
+
+/// Returns the text with `…` at its end where it takes more than so many columns of a terminal.
+#[must_use]
+pub fn cut(text: &str, width: usize) -> String {
+    if text.width() <= width {
+        return text.to_owned();
+    }
+    let mut used = 1;
+    let fits = |c: &char| {
+        used += c.width().unwrap_or_default();
+        used <= width
+    };
+    text.chars().take_while(fits).collect::<String>() + "…"
 }
 
 #[cfg(test)]

@@ -7,9 +7,8 @@ use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Cell, List, ListItem, ListState, Paragraph, Row, Table, TableState};
 
-use unicode_width::{UnicodeWidthChar as _, UnicodeWidthStr as _};
-
 use super::state::{Browser, Documents, Screen};
+use crate::formats::visible::cut;
 use crate::views::field::text;
 
 /// The most columns of documents.
@@ -46,7 +45,7 @@ fn table(documents: &Documents<'_>, frame: &mut Frame<'_>, area: Rect) {
     // As the table lays them out, within its border and with a blank between them.
     let places = Layout::horizontal(widths.clone()).spacing(1).split(area.inner(Margin::new(1, 1)));
     let cell = |document: &Document, key: &str, place: &Rect| {
-        Cell::new(document.get(key).map(|value| shortened(&visible(value), place.width.into())).unwrap_or_default())
+        Cell::new(document.get(key).map(|value| cut(&visible(value), place.width.into())).unwrap_or_default())
     };
     let row = |document| Row::new(columns.iter().zip(&*places).map(|(key, place)| cell(document, key, place)));
     let rows = documents.rows.iter().map(row);
@@ -84,25 +83,12 @@ fn weight(key: &str, rows: &[Document]) -> u16 {
     u16::try_from(widest).unwrap_or(40)
 }
 
-/// A text that ends with `…` where it is wider than its cell.
-fn shortened(text: &str, width: usize) -> String {
-    if text.width() <= width {
-        return text.to_owned();
-    }
-    let mut used = 0;
-    let fits = |c: &char| {
-        used += c.width().unwrap_or(0);
-        used < width
-    };
-    text.chars().take_while(fits).chain(['…']).collect()
-}
-
 /// A value without what a terminal would obey.
 fn visible(value: &bson::Bson) -> String {
     text(value).chars().map(|c| if c.is_control() { '·' } else { c }).collect()
 }
 
-/// What keys do: as much as fits, the last words always.
+/// The help on keys in the last line, longest first: the first that fits is shown.
 const KEYS: [&str; 4] = [
     "arrows move  Enter opens  Esc back  / query  s sort  e explain  p plan  c computables  r again  q quit",
     "Enter opens  Esc back  / query  s sort  e explain  p plan  c computables  q quit",
