@@ -156,14 +156,13 @@ pub(super) fn fields(name: &'static str, option: &str, text: &str) -> Result<bso
 
 /// A document given on the command line; `name` is what messages call it.
 pub(super) fn argument(name: &'static str, text: &str) -> Result<bson::Document, Diagnostic> {
-    shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays).map_err(|error| match in_braces(
-        text,
-        name == "<query>",
-    )
-    .filter(|_| !text.contains("://"))
-    {
-        Some(document) => error.without_hints().hint(format!("a document is written in braces: {document}")),
-        None => error,
+    let read = shell::parse_document(&Source::new(name, text)).map(shell::with_regexes_in_arrays);
+    read.map_err(|error| match in_braces(text, name == "<query>") {
+        // What may be a URI with a password is not repeated.
+        Some(document) if !text.contains("://") => {
+            error.without_hints().hint(format!("a document is written in braces: {document}"))
+        }
+        _ => error,
     })
 }
 

@@ -160,9 +160,7 @@ impl More {
                 WrongInput::new(format!("{first}{more}; correct it, or leave it out with --skip-invalid")).into()
             );
         }
-        for one in invalid {
-            context.output.warn(&format!("left out: {one}"));
-        }
+        leave_out(invalid, context);
         Ok(())
     }
 
@@ -241,6 +239,11 @@ pub(super) fn read_file(
         context.output.warn(&format!("{}: left out: `{names}`; a robot is no object of a scene", path.display()));
     }
     Ok((content, spelling))
+}
+
+/// Warns of objects that are left out.
+pub(super) fn leave_out(invalid: &[Invalid], context: &mut Context<'_>) {
+    invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
 }
 
 /// That a file looks like no format of scenes.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use clap::builder::NonEmptyStringValueParser;
 
-use super::selection::Selection;
+use super::selection::{Selection, leave_out};
 use crate::commands::Context;
 use crate::commands::query::blame;
 use crate::commands::watch::retreat;
@@ -69,9 +69,9 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         args.selection.more.report(&invalid, context)?;
     }
     context.output.note(&format!("following {} objects in the frame {frame}", follower.count()));
-    // What became invalid while nobody watched is no mistake of the command.
+    // Objects that became invalid since the last watch are left out, as they are while one runs.
     if args.resume.is_some() {
-        invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
+        leave_out(&invalid, context);
     }
     let deadline = args.timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     let (mut delivered, mut is_lost) = (0, false);
@@ -95,7 +95,7 @@ pub(super) fn run(args: &WatchArgs, context: &mut Context<'_>) -> Result<Exit> {
         if std::mem::take(&mut is_lost) {
             context.output.note("following again");
         }
-        invalid.iter().for_each(|one| context.output.warn(&format!("left out: {one}")));
+        leave_out(&invalid, context);
         // A watch with this name would not deliver the rest of a change that is done.
         if let Some(count) = args.count.filter(|_| args.resume.is_none()) {
             operations.truncate(usize::try_from(count - delivered).unwrap_or(usize::MAX));

@@ -103,7 +103,7 @@ fn read(source: &Source) -> Result<Content, Diagnostic> {
         return operations(source, objects(source, text));
     }
     let written: Written<'_> = serde_json::from_str(text).map_err(|error| place(source, mark, text, &error))?;
-    let mut scene = Scene { name: written.scene, frame: written.frame, objects: Vec::new(), ..Scene::default() };
+    let mut scene = Scene { name: written.scene, frame: written.frame, ..Scene::default() };
     for raw in written.objects {
         scene.objects.push(object(source, raw, &mut scene.frame)?);
     }
