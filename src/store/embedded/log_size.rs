@@ -38,7 +38,7 @@ impl LogSize {
 
     /// Notes the length of the log. After a commit.
     pub(super) fn measure(&self, log: &Path) {
-        let length = log.metadata().map_or(0, |log| log.len());
+        let length = length(log).unwrap_or(0);
         self.has_grown.set(length > self.length.replace(length));
     }
 
@@ -54,6 +54,21 @@ impl LogSize {
             self.length.set(length);
         }
     }
+}
+
+/// The length of a file, in bytes.
+///
+/// Nothing else is asked for. Where a file was asked when it was changed, Linux 6.13 and newer note the time of its next
+/// write, for which the disk is waited for once more (<https://docs.kernel.org/filesystems/multigrain-ts.html>).
+#[cfg(target_os = "linux")]
+fn length(file: &Path) -> io::Result<u64> {
+    use rustix::fs::{AtFlags, CWD, StatxFlags, statx};
+    Ok(statx(CWD, file, AtFlags::empty(), StatxFlags::SIZE)?.stx_size)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn length(file: &Path) -> io::Result<u64> {
+    Ok(file.metadata()?.len())
 }
 
 /// Appends zeros to a log, where it is neither short nor long; returns its length.
