@@ -144,26 +144,37 @@ fn number_key(number: Number, key: &mut Vec<u8>) {
         Number::Decimal(Decimal::Finite { negative, coefficient, exponent }) => (negative, coefficient, exponent),
         Number::Decimal(other) => return special_key(other, key),
     };
-    let Some((_, exponent, mut digits)) = Decimal::scientific(negative, coefficient, exponent) else {
+    let Some((_, exponent, digits)) = Decimal::scientific(negative, coefficient, exponent) else {
         return key.push(ZERO);
     };
     key.push(if negative { NEGATIVE } else { POSITIVE });
     let start = key.len();
     let biased = u16::try_from(exponent + 8000).unwrap_or(0);
     key.extend_from_slice(&biased.to_be_bytes());
-    let mut unit = 10u128.pow(32);
-    while digits != 0 && unit != 0 {
-        let pair = u8::try_from(digits / unit).unwrap_or(0);
-        key.push(pair + 1);
-        digits %= unit;
-        unit /= 100;
-    }
+    let pairs = pairs(digits);
+    let last = pairs.iter().rposition(|pair| *pair != 0).map_or(0, |last| last + 1);
+    key.extend(pairs.iter().take(last).map(|pair| pair + 1));
     key.push(0);
     if negative {
         for byte in key.iter_mut().skip(start) {
             *byte = !*byte;
         }
     }
+}
+
+/// 34 digits in pairs.
+fn pairs(digits: u128) -> [u8; 17] {
+    const LOW: u128 = 10u128.pow(16);
+    let mut pairs = [0; 17];
+    let halves = [digits / LOW, digits % LOW].map(|half| u64::try_from(half).unwrap_or(0));
+    let (high, low) = pairs.split_at_mut(9);
+    for (pairs, mut rest) in [high, low].into_iter().zip(halves) {
+        for pair in pairs.iter_mut().rev() {
+            *pair = (rest % 100) as u8;
+            rest /= 100;
+        }
+    }
+    pairs
 }
 
 fn special_key(decimal: Decimal, key: &mut Vec<u8>) {

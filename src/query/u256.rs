@@ -1,11 +1,22 @@
 //! What decimals need of 256-bit integers beside the arithmetic of [`ethnum::U256`]: digits, powers of ten, square
 //! roots.
 
+use std::sync::LazyLock;
+
 use ethnum::U256;
+
+/// The powers of ten that fit.
+static POWERS: LazyLock<[U256; 78]> = LazyLock::new(|| {
+    let mut powers = [U256::ONE; 78];
+    for nth in 1..powers.len() {
+        powers[nth] = powers[nth - 1] * 10;
+    }
+    powers
+});
 
 /// 10 to a power of at most 77, the greatest that fits.
 pub(super) fn ten_to(exponent: u32) -> U256 {
-    U256::new(10).pow(exponent.min(77))
+    POWERS[exponent.min(77) as usize]
 }
 
 /// Returns the number of decimal digits; 0 has none.
@@ -13,7 +24,9 @@ pub(super) fn digits(value: U256) -> u32 {
     if let Ok(small) = u128::try_from(value) {
         return small.checked_ilog10().map_or(0, |log| log + 1);
     }
-    (39..=77).take_while(|digits| value >= ten_to(*digits)).last().map_or(39, |digits| digits + 1)
+    // The logarithm of 2 is a little more than 1233 / 4096: it says which of two numbers of digits there are.
+    let least = (256 - value.leading_zeros()) * 1233 >> 12;
+    least + u32::from(value >= ten_to(least))
 }
 
 /// Returns the greatest integer whose square is at most the value.

@@ -67,8 +67,27 @@ impl Decimal {
         if value.is_infinite() {
             return Self::Infinite { negative: value < 0.0 };
         }
-        let text = format!("{value:.33e}");
-        Self::parse(&text).map_or(Self::NaN, Self::reduced)
+        let rounded = Self::from_bits(value).or_else(|| Self::parse(&format!("{value:.33e}")));
+        rounded.map_or(Self::NaN, Self::reduced)
+    }
+
+    /// The same, by the bits of the double: a whole number times a power of two, which is a whole number times a power of
+    /// ten. Nothing for numbers so small or large that this takes more than 256 bits.
+    fn from_bits(value: f64) -> Option<Self> {
+        let (bits, negative) = (value.to_bits(), value.is_sign_negative());
+        let fraction = bits & ((1 << 52) - 1);
+        let exponent = i32::try_from(bits >> 52 & 0x7ff).ok().filter(|exponent| *exponent > 0)?;
+        let whole = fraction | 1 << 52;
+        let (whole, power) = (U256::from(whole >> whole.trailing_zeros()), exponent - 1075);
+        let power = power + i32::try_from(fraction.trailing_zeros().min(52)).ok()?;
+        match power {
+            0..=200 => Some(Self::rounded(negative, whole << power, 0, false)),
+            -77..=-1 => {
+                let five_to = ten_to(power.unsigned_abs()) >> power.unsigned_abs();
+                Some(Self::rounded(negative, whole * five_to, power, false))
+            }
+            _ => None,
+        }
     }
 
     /// What a double shows with 15 digits, as MongoDB converts a double for arithmetic with decimals.
@@ -138,7 +157,8 @@ impl Decimal {
                 value = U256::ZERO;
                 exponent = MIN_EXPONENT;
             } else {
-                let (quotient, rest) = (value / ten_to(dropped), value % ten_to(dropped));
+                let quotient = value / ten_to(dropped);
+                let rest = value - quotient * ten_to(dropped);
                 let half = ten_to(dropped - 1) * 5;
                 value = quotient;
                 exponent += i32::try_from(dropped).unwrap_or(0);
@@ -282,6 +302,28 @@ mod tests {
             let theirs: Decimal128 = text.parse().unwrap();
             assert_eq!(shown(Decimal::from(theirs)), theirs.to_string());
             assert_eq!(shown(decimal(text)), theirs.to_string());
+        }
+    }
+
+    #[test]
+    fn a_double_is_rounded_to_the_digits_that_its_text_has() {
+        let mut random = 88_172_645_463_325_252_u64;
+        let drawn = std::iter::repeat_with(|| {
+            random ^= random << 13;
+            random ^= random >> 7;
+            random ^= random << 17;
+            random
+        });
+        // Of any size, between 0 and 1, around 2^53, with few digits, and with 35 of which the last one is 5.
+        let doubles = drawn.take(20_000).flat_map(|bits| {
+            let (part, whole) = (bits as f64 / u64::MAX as f64, (bits >> 40) as f64);
+            [f64::from_bits(bits), part, part * 1e16, -whole / 1e3, (whole * 2.0 + 1.0) * 2f64.powi(-35)]
+        });
+        for double in doubles.chain([0.0, -0.0, f64::MIN_POSITIVE, 5e-324, f64::MAX, 1.0, 2f64.powi(200), -0.5]) {
+            if double.is_finite() {
+                let text = format!("{double:.33e}");
+                assert_eq!(shown(Decimal::from_double(double)), shown(decimal(&text).reduced()), "{text}");
+            }
         }
     }
 
