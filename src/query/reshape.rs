@@ -1,10 +1,11 @@
 //! Stages that turn each document into one document.
 
-use bson::{Bson, DateTime, Document};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 
 use super::error::{FAILED_TO_PARSE, QueryError, Result};
 use super::expression::{Environment, Expression, Scope, Variables};
 use super::interruption;
+use super::limit::{check_between, encode_between};
 use super::projection::Shape;
 use super::view::View;
 
@@ -54,24 +55,25 @@ impl Reshape {
         }
     }
 
-    /// Returns the new document.
+    /// Returns the new document, for another stage.
     ///
     /// # Errors
-    /// If it cannot be made, or the operation is to end.
-    pub(super) fn apply(&self, document: Document, variables: &Variables, now: DateTime) -> Result<Document> {
+    /// If it cannot be made or is too large, or the operation is to end.
+    pub(super) fn apply(&self, document: &RawDocument, variables: &Variables, now: DateTime) -> Result<RawDocumentBuf> {
         // Each stage may double a document.
         interruption::check()?;
         match self {
-            Self::Shape(shape) => shape.apply(&document, variables, now),
-            Self::Root(expression) => {
-                match expression.evaluate(&Environment::new((&document).into(), variables, now))? {
-                    Some(Bson::Document(root)) => Ok(root),
-                    other => {
-                        let found = other.map_or("missing", |other| View::from(&other).type_name());
-                        Err(QueryError::invalid(40_228, format!("the new root must be an object, not {found}")))
-                    }
-                }
+            Self::Shape(shape) => {
+                let shaped = shape.apply(document, variables, now)?;
+                check_between(&shaped).map(|()| shaped)
             }
+            Self::Root(expression) => match expression.evaluate(&Environment::new(document.into(), variables, now))? {
+                Some(Bson::Document(root)) => encode_between(&root),
+                other => {
+                    let found = other.map_or("missing", |other| View::from(&other).type_name());
+                    Err(QueryError::invalid(40_228, format!("the new root must be an object, not {found}")))
+                }
+            },
         }
     }
 }

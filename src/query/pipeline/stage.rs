@@ -16,13 +16,14 @@ use super::run::Run;
 use super::unset;
 use super::unwind::Unwind;
 use super::window::Window;
+use crate::query::element::field;
 use crate::query::error::QueryError;
 use crate::query::expression::Expression;
 use crate::query::filter::{Context, Filter};
 use crate::query::random::random;
 use crate::query::reshape::Reshape;
 use crate::query::sort::Sort;
-use crate::query::text::SCORE;
+use crate::query::text::{SCORE, SCORE_NAME};
 
 /// A compiled stage.
 #[derive(Debug)]
@@ -88,11 +89,15 @@ impl Stage {
                 Err(error) => Some(Err(error)),
             })),
             Self::Reshape(reshape) => Box::new(input.map(move |document| {
-                let document = Document::try_from(document?).map_err(QueryError::from)?;
-                let score = document.get(SCORE).filter(|_| run.is_scored).cloned();
-                let mut shaped = reshape.apply(document, &run.variables, run.now)?;
-                shaped.extend(score.map(|score| (SCORE.to_owned(), score)));
-                Ok(encode(&shaped)?)
+                let document = document?;
+                let mut shaped = reshape.apply(&document, &run.variables, run.now)?;
+                if run.is_scored
+                    && field(&shaped, SCORE).is_none()
+                    && let Some(score) = field(&document, SCORE)
+                {
+                    shaped.append(SCORE_NAME, score);
+                }
+                Ok(shaped)
             })),
             Self::Unset(names) => Box::new(input.map(move |document| Ok(unset::without(document?, names)?))),
             Self::Sort(sort) => {

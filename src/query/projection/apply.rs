@@ -1,108 +1,99 @@
-//! Projecting a document.
+//! Projecting a document: fields are copied as bytes, and only what is computed is encoded.
 
-use bson::raw::RawDocument;
-use bson::{Bson, DateTime, Document, RawDocumentBuf};
+use bson::raw::{CStr, RawArrayBuf, RawBson, RawDocument};
+use bson::{DateTime, Document, RawBsonRef, RawDocumentBuf};
 
 use super::tree::{Branch, Mode, Treatment};
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Variables};
 use crate::query::limit::Held;
 
-/// Without decoding, where only whole fields at the top are named.
-pub(super) fn flat(root: &Branch, document: &RawDocument) -> Result<Option<RawDocumentBuf>> {
-    if root.children.iter().any(|(_, item)| !matches!(item, Treatment::Named)) {
-        return Ok(None);
-    }
-    let mut projected = RawDocumentBuf::new();
-    for element in document {
-        let (name, value) = element?;
-        if root.child(name.as_str()).is_some() == (root.mode == Mode::Include) {
-            projected.append(name, value);
-        }
-    }
-    Ok(Some(projected))
-}
-
 /// Returns the projected document; computed fields see the whole one.
-pub(super) fn branch(root: &Branch, document: &Document, variables: &Variables, now: DateTime) -> Result<Document> {
+///
+/// # Errors
+/// If a field cannot be computed, or the document is damaged.
+pub(super) fn projected(
+    root: &Branch,
+    document: &RawDocument,
+    variables: &Variables,
+    now: DateTime,
+) -> Result<RawDocumentBuf> {
     let environment = Environment::new(document.into(), variables, now);
-    let mut projected = named(root, document);
-    if root.computes() {
-        computed(root, &mut projected, &environment, &mut Held::default())?;
-    }
-    Ok(projected)
+    Projected { environment, held: Held::default() }.branch(root, Some(document), 1)
 }
 
-/// Leaves fields in or out.
-fn named(branch: &Branch, document: &Document) -> Document {
-    let mut projected = Document::new();
-    for (name, value) in document {
-        let kept = match (branch.child(name), branch.mode) {
-            (None, Mode::Include) | (Some(Treatment::Named), Mode::Exclude) => None,
-            (None, _) | (Some(Treatment::Named), _) => Some(value.clone()),
-            (Some(Treatment::Computed(_)), Mode::Include) => None,
-            // What is computed takes this place, or removes it.
-            (Some(Treatment::Computed(_)), _) => Some(Bson::Null),
-            (Some(Treatment::Branch(inner)), _) => named_value(inner, value),
-        };
-        if let Some(value) = kept {
-            projected.insert(name.clone(), value);
-        }
-    }
-    projected
+struct Projected<'a> {
+    environment: Environment<'a>,
+    held: Held,
 }
 
-fn named_value(branch: &Branch, value: &Bson) -> Option<Bson> {
-    match value {
-        Bson::Document(document) => Some(Bson::Document(named(branch, document))),
-        Bson::Array(items) => Some(Bson::Array(items.iter().filter_map(|item| named_value(branch, item)).collect())),
-        other => (branch.mode != Mode::Include || branch.computes()).then(|| other.clone()),
-    }
-}
-
-/// Puts computed fields in, in the order of the specification.
-fn computed(branch: &Branch, document: &mut Document, environment: &Environment<'_>, held: &mut Held) -> Result<()> {
-    for (name, item) in &branch.children {
-        match item {
-            Treatment::Named => {}
-            Treatment::Computed(expression) => match expression.evaluate(environment)? {
-                Some(value) => {
-                    held.add(&value)?;
-                    document.insert(name.clone(), value);
+impl Projected<'_> {
+    /// A document so many levels deep, made of one that is there or of none.
+    fn branch(&mut self, branch: &Branch, document: Option<&RawDocument>, level: usize) -> Result<RawDocumentBuf> {
+        let computed = self.computed(branch, level)?;
+        let value =
+            |name: &CStr| computed.as_deref().map(|computed| computed.get(name)).transpose().map(Option::flatten);
+        let (mut projected, mut placed) = (RawDocumentBuf::new(), Vec::new());
+        for element in document.into_iter().flatten() {
+            let (name, old) = element?;
+            match (branch.child(name.as_str()), branch.mode) {
+                (None, Mode::Include) | (Some(Treatment::Named), Mode::Exclude) => {}
+                (None | Some(Treatment::Named), _) => projected.append(name, old),
+                (Some(Treatment::Computed(_)), Mode::Include) => {}
+                (Some(_), _) if placed.contains(&name) => {}
+                // What is computed takes this place, or removes what is there.
+                (Some(Treatment::Computed(_)), _) => {
+                    placed.push(name);
+                    value(name)?.into_iter().for_each(|value| projected.append(name, value));
                 }
-                None => {
-                    document.remove(name);
+                (Some(Treatment::Branch(inner)), _) => {
+                    placed.push(name);
+                    let value = self.within(inner, old, level + 1)?;
+                    value.into_iter().for_each(|value| projected.append(name, value));
                 }
-            },
-            Treatment::Branch(inner) if inner.computes() => {
-                let value = document.get(name).cloned();
-                document.insert(name.clone(), computed_value(inner, value, environment, held)?);
             }
-            Treatment::Branch(_) => {}
         }
+        // What is new comes last, in the order of the specification.
+        for (name, item) in &branch.children {
+            if !matches!(item, Treatment::Named) && !placed.iter().any(|placed| *placed == name.as_str()) {
+                let name: &CStr = name.as_str().try_into()?;
+                match item {
+                    Treatment::Branch(inner) if inner.computes() => {
+                        projected.append(name, self.branch(inner, None, level + 1)?);
+                    }
+                    _ => value(name)?.into_iter().for_each(|value| projected.append(name, value)),
+                }
+            }
+        }
+        Ok(projected)
     }
-    Ok(())
-}
 
-fn computed_value(
-    branch: &Branch,
-    value: Option<Bson>,
-    environment: &Environment<'_>,
-    held: &mut Held,
-) -> Result<Bson> {
-    match value {
-        Some(Bson::Document(mut document)) => {
-            computed(branch, &mut document, environment, held)?;
-            Ok(Bson::Document(document))
+    /// What takes the place of a value; of an array, of each of its elements.
+    fn within(&mut self, branch: &Branch, value: RawBsonRef<'_>, level: usize) -> Result<Option<RawBson>> {
+        Ok(match value {
+            RawBsonRef::Document(document) => Some(RawBson::Document(self.branch(branch, Some(document), level)?)),
+            RawBsonRef::Array(items) => {
+                let mut kept = RawArrayBuf::new();
+                for item in items {
+                    self.within(branch, item?, level + 1)?.into_iter().for_each(|item| kept.push(item));
+                }
+                Some(RawBson::Array(kept))
+            }
+            _ if branch.computes() => Some(RawBson::Document(self.branch(branch, None, level)?)),
+            other => (branch.mode != Mode::Include).then(|| other.into()),
+        })
+    }
+
+    /// The computed fields of a branch that have a value, where it has such fields.
+    fn computed(&mut self, branch: &Branch, level: usize) -> Result<Option<RawDocumentBuf>> {
+        let mut values: Option<Document> = None;
+        for (name, item) in &branch.children {
+            let Treatment::Computed(expression) = item else { continue };
+            if let Some(value) = expression.evaluate(&self.environment)? {
+                self.held.add_below(&value, level)?;
+                values.get_or_insert_default().insert(name.clone(), value);
+            }
         }
-        Some(Bson::Array(items)) => {
-            let items = items.into_iter().map(|item| computed_value(branch, Some(item), environment, held));
-            Ok(Bson::Array(items.collect::<Result<_>>()?))
-        }
-        _ => {
-            let mut document = Document::new();
-            computed(branch, &mut document, environment, held)?;
-            Ok(Bson::Document(document))
-        }
+        Ok(values.as_ref().map(RawDocumentBuf::try_from).transpose()?)
     }
 }

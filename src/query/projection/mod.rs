@@ -13,7 +13,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use super::error::Result;
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
-use super::limit::encode_result;
+use super::limit::{check_result, encode_result};
 use find::Transform;
 pub(super) use tree::{Branch, Policy};
 
@@ -49,13 +49,15 @@ impl Projection {
     /// # Errors
     /// If an expression fails on the document.
     pub fn apply(&self, document: &RawDocument, filter: &Filter, now: DateTime) -> Result<RawDocumentBuf> {
-        if self.transforms.is_empty()
-            && let Some(projected) = apply::flat(&self.root, document)?
-        {
+        let projected = apply::projected(&self.root, document, &self.variables, now)?;
+        if self.transforms.is_empty() {
+            if self.root.computes() {
+                check_result(&projected)?;
+            }
             return Ok(projected);
         }
         let whole = Document::try_from(document)?;
-        let mut projected = apply::branch(&self.root, &whole, &self.variables, now)?;
+        let mut projected = Document::try_from(projected)?;
         for transform in &self.transforms {
             projected = transform.apply(projected, &whole, filter, now)?;
         }
@@ -86,7 +88,7 @@ impl Shape {
         Ok(Self { root: parse::removals(paths)? })
     }
 
-    pub(super) fn apply(&self, document: &Document, variables: &Variables, now: DateTime) -> Result<Document> {
-        apply::branch(&self.root, document, variables, now)
+    pub(super) fn apply(&self, document: &RawDocument, variables: &Variables, now: DateTime) -> Result<RawDocumentBuf> {
+        apply::projected(&self.root, document, variables, now)
     }
 }

@@ -11,6 +11,7 @@ mod language;
 mod search;
 mod words;
 
+use bson::raw::{CStr, cstr};
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use super::error::{QueryError, Result};
@@ -20,6 +21,8 @@ pub use search::{Search, no_index};
 
 /// The field that documents carry their score in, from the search to the end of the answer.
 pub(super) const SCORE: &str = "$textScore";
+/// The same, as the name of a field in raw bytes.
+pub(super) const SCORE_NAME: &CStr = cstr!("$textScore");
 
 /// MongoDB's code for a score where nothing was searched.
 const NO_SCORE: i32 = 40_218;

@@ -22,7 +22,6 @@ use super::decode::decode;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
-use super::limit::check_document;
 use super::nesting::MAX_DEPTH;
 use super::reshape::Reshape;
 use apply::Application;
@@ -118,7 +117,7 @@ impl Update {
                 replaced(replacement, id.as_ref(), now)
             }
             Form::Pipeline(stages, variables) => {
-                let after = reshaped(stages, variables, before, now)?;
+                let after = reshaped(stages, variables, document, now)?;
                 touched = !after.contains_key("_id");
                 with_id(after, id.as_ref())
             }
@@ -145,7 +144,10 @@ impl Update {
         let id = base.get("_id").cloned();
         let document = match &self.form {
             Form::Replacement(replacement) => replaced(replacement, id.as_ref(), now),
-            Form::Pipeline(stages, variables) => with_id(reshaped(stages, variables, base, now)?, id.as_ref()),
+            Form::Pipeline(stages, variables) => {
+                let base = RawDocumentBuf::try_from(&base)?;
+                with_id(reshaped(stages, variables, &base, now)?, id.as_ref())
+            }
             Form::Operators(modifiers, filters) => {
                 let effects = Effects::new(now);
                 Application { filters, position: None, inserting: true, effects }.apply(modifiers, base)?
@@ -178,12 +180,12 @@ pub fn prepare(document: &Document, now: DateTime) -> Result<RawDocumentBuf> {
 }
 
 /// Runs the stages of a pipeline update.
-fn reshaped(stages: &[Reshape], variables: &Variables, mut document: Document, now: DateTime) -> Result<Document> {
+fn reshaped(stages: &[Reshape], variables: &Variables, document: &RawDocument, now: DateTime) -> Result<Document> {
+    let mut reshaped = document.to_owned();
     for stage in stages {
-        document = stage.apply(document, variables, now)?;
-        check_document(&document)?;
+        reshaped = stage.apply(&reshaped, variables, now)?;
     }
-    Ok(document)
+    decode(&reshaped)
 }
 
 /// Returns the replacement, with the `_id` there was; empty timestamps at the top become now.
