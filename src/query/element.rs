@@ -39,10 +39,10 @@ pub fn extent(document: &RawDocument, name: &str) -> Option<(usize, usize)> {
     let length = document.as_bytes().len();
     let mut elements = Elements::new(document);
     loop {
-        let start = length - elements.rest.len();
+        let start = length - elements.left();
         let element = elements.next()?;
         if element.name == name.as_bytes() {
-            return Some((start, length - elements.rest.len()));
+            return Some((start, length - elements.left()));
         }
     }
 }
@@ -69,6 +69,11 @@ impl<'a> Elements<'a> {
     /// The elements in bytes that are nothing else.
     pub(super) fn of(rest: &'a [u8]) -> Self {
         Self { rest }
+    }
+
+    /// How many bytes are left.
+    pub(super) fn left(&self) -> usize {
+        self.rest.len()
     }
 
     /// Whether no bytes are left.

@@ -1,10 +1,19 @@
-//! `$unwind`: a document per element of an array.
+//! `$unwind`: a document per element of an array. Documents are copied as bytes.
 
-use bson::{Bson, Document};
+use std::ops::Range;
+
+use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use super::documents::{Documents, encode};
+use crate::query::element::{Elements, extent};
 use crate::query::error::{QueryError, Result};
 use crate::query::path::check_plain;
+
+/// The types of BSON that are told apart here.
+const DOCUMENT: u8 = 0x03;
+const ARRAY: u8 = 0x04;
+const UNDEFINED: u8 = 0x06;
+const NULL: u8 = 0x0A;
 
 /// A compiled `$unwind`.
 #[derive(Debug)]
@@ -51,15 +60,9 @@ impl Unwind {
     }
 
     pub(super) fn run<'a, E: From<QueryError> + 'a>(&'a self, input: Documents<'a, E>) -> Documents<'a, E> {
-        Box::new(input.flat_map(move |document| {
-            let unwound = document.and_then(|document| {
-                let document = Document::try_from(document).map_err(QueryError::from)?;
-                Ok(self.unwound(document))
-            });
-            match unwound {
-                Ok(documents) => Box::new(documents.map(|document| Ok(encode(&document)?))) as Documents<'a, E>,
-                Err(error) => Box::new(std::iter::once(Err(error))),
-            }
+        Box::new(input.flat_map(move |document| match document {
+            Ok(document) => Box::new(self.unwound(document).map(|unwound| Ok(unwound?))) as Documents<'a, E>,
+            Err(error) => Box::new(std::iter::once(Err(error))),
         }))
     }
 
@@ -69,43 +72,111 @@ impl Unwind {
     }
 
     /// Returns the documents that one document becomes, made one after the other.
-    fn unwound<'a>(&'a self, mut document: Document) -> Box<dyn Iterator<Item = Document> + 'a> {
-        let items = match find(&mut document, &self.path) {
-            Some(place @ Bson::Array(_)) => match std::mem::replace(place, Bson::Null) {
-                Bson::Array(items) => items,
-                _ => Vec::new(),
-            },
-            Some(Bson::Null | Bson::Undefined) | None if !self.preserve => return Box::new(std::iter::empty()),
-            _ => {
-                self.number(&mut document, None);
-                return Box::new(std::iter::once(document));
-            }
+    fn unwound(&self, document: RawDocumentBuf) -> Box<dyn Iterator<Item = Result<RawDocumentBuf>> + '_> {
+        let Some(place) = Place::of(&document, &self.path).filter(|place| !place.is_null(&document)) else {
+            return self.kept(document);
+        };
+        let Some(items) = place.items(&document) else {
+            return Box::new(std::iter::once(self.numbered(document, None)));
         };
         if items.is_empty() {
-            if !self.preserve {
-                return Box::new(std::iter::empty());
-            }
             // What takes the place of the array is where the array was.
-            if !self.index.as_ref().is_some_and(|index| index.starts_with(&self.path)) {
-                remove(&mut document, &self.path);
-            }
-            self.number(&mut document, None);
-            return Box::new(std::iter::once(document));
+            let is_replaced = self.index.as_ref().is_some_and(|index| index.starts_with(&self.path));
+            return match self.preserve && !is_replaced {
+                true => Box::new(std::iter::once(place.put(&document, None).and_then(|put| self.numbered(put, None)))),
+                false => self.kept(document),
+            };
         }
-        Box::new(items.into_iter().enumerate().map(move |(index, item)| {
-            let mut copy = document.clone();
-            if let Some(place) = find(&mut copy, &self.path) {
-                *place = item;
-            }
-            self.number(&mut copy, i64::try_from(index).ok());
-            copy
+        Box::new(items.into_iter().enumerate().map(move |(nth, item)| {
+            place.put(&document, Some(item)).and_then(|put| self.numbered(put, i64::try_from(nth).ok()))
         }))
     }
 
-    fn number(&self, document: &mut Document, index: Option<i64>) {
-        if let Some(path) = &self.index {
-            put(document, path, index.map_or(Bson::Null, Bson::Int64));
+    /// A document that has no element.
+    fn kept(&self, document: RawDocumentBuf) -> Box<dyn Iterator<Item = Result<RawDocumentBuf>> + '_> {
+        Box::new(self.preserve.then(|| self.numbered(document, None)).into_iter())
+    }
+
+    /// The document with the number of its element, where that is wanted.
+    fn numbered(&self, document: RawDocumentBuf, number: Option<i64>) -> Result<RawDocumentBuf> {
+        let Some(path) = &self.index else { return Ok(document) };
+        let mut document = Document::try_from(document)?;
+        put(&mut document, path, number.map_or(Bson::Null, Bson::Int64));
+        encode(&document)
+    }
+}
+
+/// Where a value is in the bytes of a document.
+struct Place {
+    /// Where the documents around it begin, with their lengths.
+    around: Vec<usize>,
+    /// Where its type is, behind which its name is.
+    start: usize,
+    value: Range<usize>,
+}
+
+/// The type of an element of an array, and where its value is.
+type Item = (u8, Range<usize>);
+
+impl Place {
+    /// The place of what is at a path through documents.
+    fn of(document: &RawDocument, path: &[String]) -> Option<Self> {
+        let (last, outer) = path.split_last()?;
+        let (mut around, mut begin, mut inner) = (vec![0], 0, document);
+        for name in outer {
+            let (start, end) = extent(inner, name)?;
+            let value = start + name.len() + 2;
+            if inner.as_bytes().get(start) != Some(&DOCUMENT) {
+                return None;
+            }
+            inner = RawDocument::from_bytes(inner.as_bytes().get(value..end)?).ok()?;
+            begin += value;
+            around.push(begin);
         }
+        let (start, end) = extent(inner, last)?;
+        Some(Self { around, start: begin + start, value: begin + start + last.len() + 2..begin + end })
+    }
+
+    fn type_code(&self, document: &RawDocument) -> Option<u8> {
+        document.as_bytes().get(self.start).copied()
+    }
+
+    /// Whether nothing is there but null.
+    fn is_null(&self, document: &RawDocument) -> bool {
+        matches!(self.type_code(document), Some(NULL | UNDEFINED))
+    }
+
+    /// The elements of the array that is there, if one is.
+    fn items(&self, document: &RawDocument) -> Option<Vec<Item>> {
+        let bytes = document.as_bytes().get(self.value.clone()).filter(|_| self.type_code(document) == Some(ARRAY))?;
+        let mut elements = Elements::new(RawDocument::from_bytes(bytes).ok()?);
+        let mut items = Vec::new();
+        while let Some(element) = elements.next() {
+            let end = self.value.end - elements.left();
+            items.push((element.type_code, end - element.value.len()..end));
+        }
+        Some(items)
+    }
+
+    /// The document with one of its own values there, or with nothing.
+    fn put(&self, document: &RawDocument, item: Option<Item>) -> Result<RawDocumentBuf> {
+        let bytes = document.as_bytes();
+        let part = |range: Range<usize>| bytes.get(range).unwrap_or_default();
+        let mut made = Vec::with_capacity(bytes.len());
+        made.extend_from_slice(part(0..self.start));
+        if let Some((type_code, value)) = item {
+            made.push(type_code);
+            made.extend_from_slice(part(self.start + 1..self.value.start));
+            made.extend_from_slice(part(value));
+        }
+        made.extend_from_slice(part(self.value.end..bytes.len()));
+        let shorter = i32::try_from(bytes.len() - made.len()).unwrap_or(0);
+        for begin in &self.around {
+            if let Some(length) = made.get_mut(*begin..).and_then(<[u8]>::first_chunk_mut) {
+                *length = (i32::from_le_bytes(*length) - shorter).to_le_bytes();
+            }
+        }
+        Ok(RawDocumentBuf::from_bytes(made)?)
     }
 }
 
@@ -116,32 +187,6 @@ fn parts(path: &str) -> Result<Vec<String>> {
         return Err(QueryError::invalid(16_410, format!("the field path '{path}' is not valid")));
     }
     Ok(parts)
-}
-
-fn find<'a>(document: &'a mut Document, path: &[String]) -> Option<&'a mut Bson> {
-    let (name, rest) = path.split_first()?;
-    let value = document.get_mut(name)?;
-    if rest.is_empty() {
-        return Some(value);
-    }
-    match value {
-        Bson::Document(inner) => find(inner, rest),
-        _ => None,
-    }
-}
-
-fn remove(document: &mut Document, path: &[String]) {
-    match path {
-        [name] => {
-            document.remove(name);
-        }
-        [name, rest @ ..] => {
-            if let Some(Bson::Document(inner)) = document.get_mut(name) {
-                remove(inner, rest);
-            }
-        }
-        [] => {}
-    }
 }
 
 /// Sets a value at a path of documents, making them where needed.
