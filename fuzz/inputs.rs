@@ -163,7 +163,7 @@ pub(crate) fn bomb(bytes: &[u8]) {
     let group = doc! { "$group": { "_id": "$n", "x": { "$push": expression } } };
     if let Ok(pipeline) = Pipeline::parse(&[doc! { "$unwind": "$n" }, group]) {
         let input: query::Documents<'_, query::QueryError> = Box::new(std::iter::once(Ok(raw)));
-        let none = |_: &query::Origin| Ok(Box::new(std::iter::empty()) as query::Documents<'_, query::QueryError>);
+        let none = |_: &query::Origin, _: Option<&Document>| Ok::<_, query::QueryError>(None);
         pipeline.run(input, now, &none).flatten().for_each(|result| small(&result));
     }
 }

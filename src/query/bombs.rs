@@ -28,8 +28,9 @@ fn document() -> RawDocumentBuf {
 fn run(stages: Vec<Document>) -> Result<Vec<RawDocumentBuf>> {
     let pipeline = Pipeline::parse(&stages)?;
     let input: Documents<'_, QueryError> = Box::new(std::iter::once(Ok(document())));
-    let none = |_: &Origin| Ok(Box::new(std::iter::once(Ok(document()))) as Documents<'_, QueryError>);
-    pipeline.run(input, DateTime::from_millis(0), &none).collect()
+    let all = || Box::new(std::iter::once(Ok(document()))) as Documents<'_, QueryError>;
+    let same = |_: &Origin, filter: Option<&Document>| Ok(filter.is_none().then(all));
+    pipeline.run(input, DateTime::from_millis(0), &same).collect()
 }
 
 fn code(stages: Vec<Document>) -> i32 {

@@ -48,7 +48,8 @@ fn within(limit: usize) -> Spill {
 fn run(stages: &[Document], documents: &[RawDocumentBuf], limit: usize) -> Result<Vec<RawDocumentBuf>> {
     let pipeline = Pipeline::parse(stages)?;
     let input: Documents<'_, QueryError> = Box::new(documents.iter().cloned().map(Ok));
-    let same = |_: &Origin| Ok(Box::new(documents.iter().cloned().map(Ok)) as Documents<'_, QueryError>);
+    let all = || Box::new(documents.iter().cloned().map(Ok)) as Documents<'_, QueryError>;
+    let same = |_: &Origin, filter: Option<&Document>| Ok(filter.is_none().then(all));
     pipeline.run_within(input, DateTime::from_millis(0), &same, within(limit)).collect()
 }
 

@@ -287,7 +287,7 @@ mod depth {
             match Pipeline::parse(&[doc! {"$project": {"sum": sum}}]) {
                 Ok(pipeline) => {
                     let input = std::iter::once(Ok::<_, QueryError>(document.clone()));
-                    let none = |_: &rmem::query::Origin| unreachable!();
+                    let none = |_: &rmem::query::Origin, _: Option<&Document>| unreachable!();
                     let output: Vec<_> = pipeline.run(Box::new(input), DateTime::now(), &none).collect();
                     assert_eq!(output[0].as_ref().unwrap().get_i32("sum").unwrap(), 1);
                 }

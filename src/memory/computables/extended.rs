@@ -134,7 +134,7 @@ pub(super) fn run(
             true => Box::new(std::iter::empty()),
             false => Box::new(documents.iter().cloned().map(Ok)),
         };
-        let results = pipeline.run(input, DateTime::now(), &|_| Ok(Box::new(std::iter::empty())));
+        let results = pipeline.run(input, DateTime::now(), &|_, _| Ok(None));
         results.collect::<Result<_, _>>().map(Some)
     })
 }

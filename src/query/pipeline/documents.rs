@@ -9,8 +9,9 @@ use crate::query::limit::encode_between;
 /// A stream of documents, which ends with the first error.
 pub type Documents<'a, E> = Box<dyn Iterator<Item = std::result::Result<RawDocumentBuf, E>> + 'a>;
 
-/// Returns the documents of another collection, in natural order.
-pub type Sources<'a, E> = dyn Fn(&Origin) -> std::result::Result<Documents<'a, E>, E> + 'a;
+/// Returns the documents of another collection, in natural order; those that match a filter where an index finds them,
+/// else nothing.
+pub type Sources<'a, E> = dyn Fn(&Origin, Option<&Document>) -> std::result::Result<Option<Documents<'a, E>>, E> + 'a;
 
 /// A collection that a stage names.
 #[derive(Debug, Clone, PartialEq, Eq)]

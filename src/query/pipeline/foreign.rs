@@ -104,6 +104,19 @@ impl Field<'_> {
     }
 }
 
+/// Returns those documents in which a path reaches one of the values.
+pub(super) fn with_value<'a, E: From<QueryError> + 'a>(
+    documents: Documents<'a, E>,
+    path: &'a Path,
+    keys: Vec<Vec<u8>>,
+) -> Documents<'a, E> {
+    let (field, keys) = (Field { path, missing: true }, keys.into_iter().collect::<HashSet<_>>());
+    Box::new(documents.filter(move |document| match document {
+        Ok(document) => field.keys(document).iter().any(|key| keys.contains(key)),
+        Err(_) => true,
+    }))
+}
+
 /// Returns the key of a value; missing and undefined are null.
 pub(super) fn key_of(value: Option<View<'_>>) -> Vec<u8> {
     let mut bytes = Vec::new();

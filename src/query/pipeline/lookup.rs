@@ -1,15 +1,15 @@
 //! `$lookup` and `$unionWith`: documents of other collections.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
 
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::{Bson, Document, RawDocument, RawDocumentBuf, doc};
 
 use super::Pipeline;
 use super::argument::{inner, origin, plain_path, target, text};
 use super::documents::{Documents, Origin, encode};
 use super::facet::array;
-use super::foreign::{Foreign, key_of};
+use super::foreign::{Foreign, key_of, with_value};
 use super::run::Run;
 use super::stage::Stage;
 use super::unwind::put;
@@ -29,6 +29,9 @@ pub(super) struct Lookup {
     /// Whether the field that the results are put in goes last, wherever it was.
     pub(super) last: bool,
 }
+
+/// How many documents look for others by an index, before all others are read and kept by their values.
+const BY_INDEX: u32 = 1_000;
 
 /// Returns the keys of the values that a path reaches; of none, null.
 fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
@@ -121,10 +124,10 @@ impl Lookup {
         input: Documents<'a, E>,
         run: Run<'a, E>,
     ) -> Documents<'a, E> {
-        let index: OnceCell<Rc<Foreign<'a>>> = OnceCell::new();
+        let others = Others { all: OnceCell::new(), by_index: Cell::new(BY_INDEX) };
         Box::new(input.map(move |document| {
             let document = document?;
-            let found = self.found(&document, &run, &index)?;
+            let found = self.found(&document, &run, &others)?;
             let mut document = Document::try_from(document).map_err(QueryError::from)?;
             if self.last {
                 move_last(&mut document, &self.to);
@@ -138,16 +141,15 @@ impl Lookup {
         &'a self,
         document: &RawDocumentBuf,
         run: &Run<'a, E>,
-        index: &OnceCell<Rc<Foreign<'a>>>,
+        others: &Others<'a>,
     ) -> std::result::Result<Bson, E> {
         let foreign: Documents<'a, E> = match (&self.fields, &self.from) {
             (Some((local, foreign)), Some(from)) => {
-                if index.get().is_none() {
-                    let _ = index.set(Foreign::read(run.source(from)?, foreign, true, run.spill())?);
-                }
                 let keys = local_keys(local, (&**document).into());
-                let found = index.get().map(|index| index.find(keys)).transpose()?;
-                Box::new(found.into_iter().flatten().map(|document| Ok(document?)))
+                match others.indexed(from, foreign, equal_to(local, foreign, document), run)? {
+                    Some(found) => with_value(found, foreign, keys),
+                    None => others.of_values(from, foreign, keys, run)?,
+                }
             }
             (None, Some(from)) => run.source(from)?,
             (_, None) => Box::new(std::iter::empty()),
@@ -160,6 +162,67 @@ impl Lookup {
         }
         array(pipeline.run_with(foreign, run.with(variables)))
     }
+}
+
+/// What the documents before have found of the other collection.
+struct Others<'a> {
+    /// All documents.
+    all: OnceCell<Rc<Foreign<'a>>>,
+    /// How many more documents may look for others by an index, if there is one.
+    by_index: Cell<u32>,
+}
+
+impl<'a> Others<'a> {
+    /// The documents that an index finds, and perhaps others; nothing where none does, or too many have asked.
+    fn indexed<E: From<QueryError> + 'a>(
+        &self,
+        from: &Origin,
+        foreign: &Path,
+        filter: Option<Document>,
+        run: &Run<'a, E>,
+    ) -> std::result::Result<Option<Documents<'a, E>>, E> {
+        let left = if foreign.parts().iter().all(|part| part.index.is_none()) { self.by_index.get() } else { 0 };
+        let Some(filter) = filter.filter(|_| left > 0) else { return Ok(None) };
+        let found = run.indexed(from, &filter)?;
+        self.by_index.set(if found.is_some() { left - 1 } else { 0 });
+        Ok(found)
+    }
+
+    /// The documents that have one of the values, among all, which are read once.
+    fn of_values<E: From<QueryError> + 'a>(
+        &self,
+        from: &Origin,
+        foreign: &'a Path,
+        keys: Vec<Vec<u8>>,
+        run: &Run<'a, E>,
+    ) -> std::result::Result<Documents<'a, E>, E> {
+        if self.all.get().is_none() {
+            let _ = self.all.set(Foreign::read(run.source(from)?, foreign, true, run.spill())?);
+        }
+        let found = self.all.get().map(|all| all.find(keys)).transpose()?;
+        Ok(Box::new(found.into_iter().flatten().map(|document| Ok(document?))))
+    }
+}
+
+/// A filter for documents with one of the values that a path reaches; nothing where a filter would take one for
+/// something else, like a regular expression.
+fn equal_to(local: &Path, foreign: &Path, document: &RawDocument) -> Option<Document> {
+    let mut values = Vec::new();
+    local.any(document.into(), false, &mut |value, _| {
+        match value {
+            Some(View::Array(items)) => values.extend(items.iter()),
+            value => values.extend(value),
+        }
+        false
+    });
+    let is_plain = |value: &View<'_>| {
+        matches!(value, View::Number(_) | View::String(_) | View::ObjectId(_) | View::Bool(_) | View::Date(_))
+    };
+    let is_found = !values.is_empty() && values.iter().all(is_plain);
+    is_found.then(|| {
+        let values: Vec<Bson> = values.into_iter().map(View::to_bson).collect();
+        doc! { foreign.text(): { "$in": values } }
+    })
 }
 
 /// Moves what is at each part of a path behind the other fields there.

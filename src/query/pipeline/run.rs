@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use bson::DateTime;
+use bson::{DateTime, Document};
 
 use super::documents::{Documents, Origin, Sources};
 use crate::query::expression::{Environment, Variables};
@@ -36,7 +36,12 @@ impl<'a, E> Run<'a, E> {
     }
 
     pub(super) fn source(&self, origin: &Origin) -> Result<Documents<'a, E>, E> {
-        (self.sources)(origin)
+        Ok((self.sources)(origin, None)?.unwrap_or_else(|| Box::new(std::iter::empty())))
+    }
+
+    /// The documents of another collection that match; nothing where no index finds them.
+    pub(super) fn indexed(&self, origin: &Origin, filter: &Document) -> Result<Option<Documents<'a, E>>, E> {
+        (self.sources)(origin, Some(filter))
     }
 
     /// How much memory a stage may hold.

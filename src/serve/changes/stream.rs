@@ -195,7 +195,7 @@ impl Stream {
             return Ok(Some((token, raw)));
         }
         let pipeline = Pipeline::parse(&self.stages)?;
-        let none = |_: &Origin| Ok::<_, QueryError>(Box::new(std::iter::empty()) as _);
+        let none = |_: &Origin, _: Option<&Document>| Ok::<_, QueryError>(None);
         let mut results = pipeline.run(Box::new(std::iter::once(Ok(raw))), DateTime::now(), &none);
         let Some(result) = results.next().transpose()? else { return Ok(None) };
         let wanted = RawDocumentBuf::try_from(&token.to_document())?;

@@ -224,7 +224,7 @@ fn through<'m>(stages: &[Document], documents: Vec<Document>) -> Result<Document
     for document in &documents {
         raw.push(Ok::<_, QueryError>(RawDocumentBuf::try_from(document)?));
     }
-    let none = |_: &Origin| Ok::<_, QueryError>(Box::new(std::iter::empty()) as _);
+    let none = |_: &Origin, _: Option<&Document>| Ok::<_, QueryError>(None);
     let pipeline = Pipeline::parse(stages)?;
     let results: Vec<_> = pipeline.run(Box::new(raw.into_iter()), bson::DateTime::now(), &none).collect();
     Ok(Box::new(results.into_iter().map(|result| result.map_err(StoreError::from))))

@@ -8,7 +8,9 @@ use super::Embedded;
 use super::output::{check_merged, named};
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
-use crate::query::{Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match};
+use crate::query::{
+    Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match,
+};
 use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError, metadata};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
@@ -48,7 +50,7 @@ impl Embedded {
             let results = self.pieces(ns, pipeline, input, now);
             return Ok(if is_scored { unscored(results) } else { results });
         }
-        let sources = |origin: &Origin| self.matches(&named(origin, ns), &Document::new());
+        let sources = |origin: &Origin, filter: Option<&Document>| self.source(&named(origin, ns), filter);
         let found = pipeline.run(input, now, &sources);
         let mut results = Spool::new(&Spill::default());
         for result in if is_scored { unscored(found) } else { found } {
@@ -107,7 +109,7 @@ impl Embedded {
                 }
                 let piece: Vec<_> = input.by_ref().take(PIECE).collect();
                 is_over = piece.len() < PIECE;
-                let sources = |origin: &Origin| self.matches(&named(origin, &ns), &Document::new());
+                let sources = |origin: &Origin, filter: Option<&Document>| self.source(&named(origin, &ns), filter);
                 let made = until_failed(pipeline.run(Box::new(piece.into_iter()), now, &sources));
                 is_over |= made.last().is_some_and(Result::is_err);
                 results = made.into_iter();
@@ -118,6 +120,17 @@ impl Embedded {
     /// The documents that match, in natural order.
     pub(super) fn matches(&self, ns: &Namespace, filter: &Document) -> Result<Documents<'_>, StoreError> {
         self.input(ns, filter, &Document::new(), (None, false))
+    }
+
+    /// The documents of a collection that a stage names; those that match a filter where an index finds them, else nothing.
+    fn source(&self, ns: &Namespace, filter: Option<&Document>) -> Result<Option<Documents<'_>>, StoreError> {
+        let Some(filter) = filter else { return self.matches(ns, &Document::new()).map(Some) };
+        let Some(collection) = self.collection(ns)? else { return Ok(None) };
+        let scan = Scan::new(self, collection, &mut Arc::new(Filter::parse(filter)?))?;
+        Ok(match scan.looks_at_all() {
+            true => None,
+            false => Some(Box::new(scan.map(|found| found.map(|found| found.body)))),
+        })
     }
 
     /// The documents that match: in natural order, or in that of the index that is to be read.
@@ -160,7 +173,10 @@ fn first_filter(stages: &[Document]) -> Document {
 
 #[cfg(test)]
 mod tests {
+    use bson::{Bson, RawDocumentBuf, bson, doc};
+
     use super::*;
+    use crate::store::{Index, Modifiers, Store as _};
 
     #[test]
     fn nothing_is_computed_behind_a_failure() {
@@ -168,5 +184,43 @@ mod tests {
         let results = (0..9).map(|number| if number == 2 { Err(number) } else { Ok(number) }).inspect(|_| asked += 1);
         assert_eq!(until_failed(results), [Ok(0), Ok(1), Err(2)]);
         assert_eq!(asked, 3);
+    }
+
+    #[test]
+    fn a_lookup_finds_the_same_documents_with_an_index_and_without() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = |name: &str| Namespace { database: "a".into(), collection: name.into() };
+        let regex =
+            Bson::RegularExpression(bson::Regex { pattern: "a".try_into().unwrap(), options: "i".try_into().unwrap() });
+        let values: [Bson; 12] = [
+            bson!(1),
+            bson!(1.0),
+            bson!("a"),
+            bson!(["a", 1]),
+            bson!([["a"], 2]),
+            bson!([]),
+            Bson::Null,
+            bson!({ "b": 1 }),
+            bson!([{ "b": 1 }, { "b": [2, 3] }]),
+            bson!(true),
+            bson!(f64::NAN),
+            regex,
+        ];
+        let documents = || values.iter().enumerate().map(|(nth, value)| doc! { "_id": nth as i32, "v": value.clone() });
+        let missing = doc! { "_id": 99 };
+        for name in ["ours", "theirs"] {
+            store.insert(&ns(name), documents().chain([missing.clone()]).collect()).unwrap();
+        }
+        let answers = |local: &str, foreign: &str| -> Vec<RawDocumentBuf> {
+            let lookup = doc! { "from": "theirs", "localField": local, "foreignField": foreign, "as": "found" };
+            let stages = [doc! { "$lookup": lookup }];
+            let aggregation = Aggregation { stages: &stages, modifiers: &Modifiers::default() };
+            store.aggregate(&ns("ours"), aggregation).unwrap().collect::<Result<_, _>>().unwrap()
+        };
+        for (local, foreign) in [("v", "v"), ("v", "v.b"), ("v.b", "v.b"), ("v", "_id"), ("v.b", "v.b.0")] {
+            let expected = answers(local, foreign);
+            store.create_index(&ns("theirs"), &Index::on(doc! { foreign: 1 })).unwrap();
+            assert_eq!(answers(local, foreign), expected, "{local} and {foreign}");
+        }
     }
 }

@@ -98,6 +98,11 @@ impl Scan<'_> {
         listed.into_iter().chain(&self.listings)
     }
 
+    /// Whether no index finds the matches.
+    pub(super) fn looks_at_all(&self) -> bool {
+        self.is_whole
+    }
+
     /// Whether the matches come in the order of the sort.
     pub(super) fn in_order(&self) -> bool {
         self.is_sorted
