@@ -131,6 +131,11 @@ impl Accumulator {
         Self { operator: Operator::Sum, input: Expression::Constant(Some(Bson::Int32(1))) }
     }
 
+    /// Returns whether it is `{$sum: 1}`.
+    pub(super) fn counts(&self) -> bool {
+        matches!((&self.operator, &self.input), (Operator::Sum, Expression::Constant(Some(Bson::Int32(1)))))
+    }
+
     fn of_several(name: &str, argument: &Bson, scope: &Scope) -> Result<Self> {
         let fields = fields(name, argument, &["input", "n"])?;
         let count = Expression::parse_in(fields.get("n").unwrap_or(&Bson::Null), scope)?;

@@ -1,7 +1,8 @@
 //! `$group`.
 
-use bson::{Bson, Document, RawDocumentBuf};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
+use super::accumulator;
 use super::documents::Documents;
 use super::groups::Accumulators;
 use super::partition::{Entry, Grouping};
@@ -41,6 +42,15 @@ impl Group {
         };
         let accumulators = Accumulators::parse(fields, scope)?;
         Ok(Self { id: Expression::parse_in(id, scope)?, only: only.cloned(), accumulators })
+    }
+
+    /// Returns what comes out for so many documents, where the stage counts all of them.
+    pub(super) fn counted(&self, count: i64) -> Option<Document> {
+        let (Expression::Constant(id), None, Some(name)) = (&self.id, &self.only, self.accumulators.only_count())
+        else {
+            return None;
+        };
+        Some(doc! { "_id": id.clone().unwrap_or(Bson::Null), name: accumulator::count(count) })
     }
 
     /// Counts by a key.

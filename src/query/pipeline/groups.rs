@@ -61,6 +61,14 @@ impl Accumulators {
         Self { fields: vec![("count".to_owned(), Accumulator::counting())] }
     }
 
+    /// Returns the name of the only field, where that is a count of documents.
+    pub(super) fn only_count(&self) -> Option<&str> {
+        match self.fields.as_slice() {
+            [(name, accumulator)] if accumulator.counts() => Some(name),
+            _ => None,
+        }
+    }
+
     /// Returns the states of a group before its first document.
     pub(super) fn start<E>(&self, id: &Bson, run: &Run<'_, E>) -> Result<Vec<State>> {
         self.fields.iter().map(|(_, accumulator)| accumulator.start(id, run)).collect()

@@ -32,7 +32,7 @@ mod unset;
 mod unwind;
 mod window;
 
-use bson::{DateTime, Document};
+use bson::{DateTime, Document, doc};
 
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
@@ -145,6 +145,22 @@ impl Pipeline {
     #[must_use]
     pub fn is_piecewise(&self) -> bool {
         self.stages.iter().all(Stage::is_piecewise)
+    }
+
+    /// Returns what comes out where so many documents match the first filter, if all that follows it is a count of them.
+    #[must_use]
+    pub fn counted(&self, count: u64) -> Option<Vec<Document>> {
+        let count = i64::try_from(count).ok()?;
+        let counted = match self.stages.as_slice() {
+            _ if self.output.is_some() || self.is_scored => None,
+            [Stage::Count(name)] | [Stage::Match(_), Stage::Count(name)] => {
+                Some(doc! { name.as_str(): accumulator::count(count) })
+            }
+            [Stage::Group(group)] | [Stage::Match(_), Stage::Group(group)] => group.counted(count),
+            _ => None,
+        };
+        // Of no documents, nothing comes out.
+        counted.map(|document| if count > 0 { vec![document] } else { Vec::new() })
     }
 
     /// Returns where results are written, if the last stage is `$out` or `$merge`.

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use bson::{DateTime, Document};
+use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::Embedded;
 use super::output::{check_merged, named};
 use super::scan::Scan;
 use super::search::{bind, scored, unscored};
 use crate::query::{
-    Description, Filter, Origin, Output, Pipeline, Sort, Spill, Spool, constants, is_empty_match,
+    Description, Filter, Origin, Output, Pipeline, QueryError, Sort, Spill, Spool, constants, is_empty_match,
 };
-use crate::store::{Aggregation, Documents, Hint, Namespace, StoreError, metadata};
+use crate::store::{Aggregation, Documents, Hint, Namespace, Query, StoreError, metadata};
 
 /// How many documents at a time go through a pipeline whose stages allow it.
 const PIECE: usize = 256;
@@ -36,6 +36,13 @@ impl Embedded {
         self.bind_searches(ns, &pipeline)?;
         if let Some(Output::Merge(merge)) = pipeline.output() {
             self.check_mergeable(ns, merge)?;
+        }
+        if described.is_none() && pipeline.counted(0).is_some() {
+            let query = Query { filter: &first_filter(stages), modifiers };
+            let counted = pipeline.counted(self.tally(ns, query)?).unwrap_or_default();
+            let counted =
+                counted.iter().map(|document| Ok(RawDocumentBuf::try_from(document).map_err(QueryError::from)?));
+            return Ok(Box::new(counted.collect::<Vec<_>>().into_iter()));
         }
         let input: Documents<'_> = match (described, pipeline.brings_documents()) {
             (Some(documents), _) => Box::new(documents.into_iter().map(Ok)),
@@ -173,7 +180,7 @@ fn first_filter(stages: &[Document]) -> Document {
 
 #[cfg(test)]
 mod tests {
-    use bson::{Bson, RawDocumentBuf, bson, doc};
+    use bson::{Bson, bson, doc};
 
     use super::*;
     use crate::store::{Index, Modifiers, Store as _};
@@ -221,6 +228,36 @@ mod tests {
             let expected = answers(local, foreign);
             store.create_index(&ns("theirs"), &Index::on(doc! { foreign: 1 })).unwrap();
             assert_eq!(answers(local, foreign), expected, "{local} and {foreign}");
+        }
+    }
+
+    #[test]
+    fn what_matches_is_counted_as_it_is_when_it_is_read() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace { database: "a".into(), collection: "b".into() };
+        let answer = |stages: &[Document]| -> Vec<Document> {
+            let aggregation = Aggregation { stages, modifiers: &Modifiers::default() };
+            let found = store.aggregate(&ns, aggregation).unwrap();
+            found.map(|document| Document::try_from(document.unwrap()).unwrap()).collect()
+        };
+        for documents in [0, 9] {
+            if documents > 0 {
+                store.insert(&ns, (0..documents).map(|n| doc! { "_id": n, "n": n % 3 }).collect()).unwrap();
+            }
+            let lasts = [
+                doc! { "$count": "all" },
+                doc! { "$group": { "_id": null, "n": { "$sum": 1 } } },
+                doc! { "$group": { "_id": 1, "n": { "$sum": 1 } } },
+            ];
+            for last in lasts {
+                for filter in [doc! {}, doc! { "n": { "$lt": 2 } }, doc! { "n": 7 }] {
+                    let stages = [doc! { "$match": filter }, last.clone()];
+                    // With a stage that changes nothing, all documents are read.
+                    let read = [stages[0].clone(), doc! { "$skip": 0 }, last.clone()];
+                    assert_eq!(answer(&stages), answer(&read), "{stages:?}");
+                }
+                assert_eq!(answer(std::slice::from_ref(&last)), answer(&[doc! { "$skip": 0 }, last.clone()]));
+            }
         }
     }
 }
