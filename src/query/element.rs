@@ -5,6 +5,11 @@
 
 use bson::{RawBsonRef, RawDocument};
 
+/// The type of a document.
+pub(super) const DOCUMENT: u8 = 0x03;
+/// The type of an array.
+pub(super) const ARRAY: u8 = 0x04;
+
 /// Returns the value of a field of the document itself, without looking at the others; none where its bytes are damaged.
 #[must_use]
 pub fn field<'a>(document: &'a RawDocument, name: &str) -> Option<RawBsonRef<'a>> {
@@ -117,6 +122,10 @@ impl<'a> Iterator for Elements<'a> {
 }
 
 impl<'a> Element<'a> {
+    pub(super) fn name_bytes(self) -> &'a [u8] {
+        self.name
+    }
+
     /// Returns the name if it is valid UTF-8.
     pub(super) fn name(self) -> Option<&'a str> {
         std::str::from_utf8(self.name).ok()

@@ -25,7 +25,7 @@ pub(super) fn digits(value: U256) -> u32 {
         return small.checked_ilog10().map_or(0, |log| log + 1);
     }
     // The logarithm of 2 is a little more than 1233 / 4096: it says which of two numbers of digits there are.
-    let least = (256 - value.leading_zeros()) * 1233 >> 12;
+    let least = ((256 - value.leading_zeros()) * 1233) >> 12;
     least + u32::from(value >= ten_to(least))
 }
 

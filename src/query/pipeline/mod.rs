@@ -147,6 +147,13 @@ impl Pipeline {
         self.stages.iter().all(Stage::is_piecewise)
     }
 
+    /// Leaves out a filter in front, which the documents that come in have passed; that of a search stays.
+    pub fn assume_first_match(&mut self) {
+        if matches!(self.stages.first(), Some(Stage::Match(_))) && !self.is_scored {
+            self.stages.remove(0);
+        }
+    }
+
     /// Returns what comes out where so many documents match the first filter, if all that follows it is a count of them.
     #[must_use]
     pub fn counted(&self, count: u64) -> Option<Vec<Document>> {

@@ -5,13 +5,11 @@ use std::ops::Range;
 use bson::{Bson, Document, RawDocument, RawDocumentBuf};
 
 use super::documents::{Documents, encode};
-use crate::query::element::{Elements, extent};
+use crate::query::element::{ARRAY, DOCUMENT, Elements, extent};
 use crate::query::error::{QueryError, Result};
 use crate::query::path::check_plain;
 
-/// The types of BSON that are told apart here.
-const DOCUMENT: u8 = 0x03;
-const ARRAY: u8 = 0x04;
+/// The types of what is no value for an element.
 const UNDEFINED: u8 = 0x06;
 const NULL: u8 = 0x0A;
 

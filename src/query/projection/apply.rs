@@ -1,9 +1,10 @@
 //! Projecting a document: fields are copied as bytes, and only what is computed is encoded.
 
-use bson::raw::{CStr, RawArrayBuf, RawBson, RawDocument};
-use bson::{DateTime, Document, RawBsonRef, RawDocumentBuf};
+use bson::raw::RawDocument;
+use bson::{DateTime, Document, RawDocumentBuf};
 
 use super::tree::{Branch, Mode, Treatment};
+use crate::query::element::{ARRAY, DOCUMENT, Element, Elements};
 use crate::query::error::Result;
 use crate::query::expression::{Environment, Variables};
 use crate::query::limit::Held;
@@ -19,69 +20,85 @@ pub(super) fn projected(
     now: DateTime,
 ) -> Result<RawDocumentBuf> {
     let environment = Environment::new(document.into(), variables, now);
-    Projected { environment, held: Held::default() }.branch(root, Some(document), 1)
+    let bytes = Vec::with_capacity(document.as_bytes().len());
+    let mut projection = Projection { environment, held: Held::default(), bytes };
+    projection.branch(root, Some(document), 1)?;
+    Ok(RawDocumentBuf::from_bytes(projection.bytes)?)
 }
 
-struct Projected<'a> {
+/// A projected document that is being written.
+struct Projection<'a> {
     environment: Environment<'a>,
     held: Held,
+    bytes: Vec<u8>,
 }
 
-impl Projected<'_> {
-    /// A document so many levels deep, made of one that is there or of none.
-    fn branch(&mut self, branch: &Branch, document: Option<&RawDocument>, level: usize) -> Result<RawDocumentBuf> {
+impl Projection<'_> {
+    /// Writes a document so many levels deep, made of one that is there or of none.
+    fn branch(&mut self, branch: &Branch, document: Option<&RawDocument>, level: usize) -> Result<()> {
         let computed = self.computed(branch, level)?;
-        let value =
-            |name: &CStr| computed.as_deref().map(|computed| computed.get(name)).transpose().map(Option::flatten);
-        let (mut projected, mut placed) = (RawDocumentBuf::new(), Vec::new());
-        for element in document.into_iter().flatten() {
-            let (name, old) = element?;
-            match (branch.child(name.as_str()), branch.mode) {
+        let value = |name: &[u8]| Elements::new(computed.as_deref()?).find(name);
+        let begin = self.begin();
+        let mut placed: Vec<&[u8]> = Vec::new();
+        for element in document.map(Elements::new).into_iter().flatten() {
+            let name = element.name_bytes();
+            match (branch.child(name), branch.mode) {
                 (None, Mode::Include) | (Some(Treatment::Named), Mode::Exclude) => {}
-                (None | Some(Treatment::Named), _) => projected.append(name, old),
+                (None | Some(Treatment::Named), _) => self.put(name, element),
                 (Some(Treatment::Computed(_)), Mode::Include) => {}
                 (Some(_), _) if placed.contains(&name) => {}
                 // What is computed takes this place, or removes what is there.
                 (Some(Treatment::Computed(_)), _) => {
                     placed.push(name);
-                    value(name)?.into_iter().for_each(|value| projected.append(name, value));
+                    value(name).into_iter().for_each(|value| self.put(name, value));
                 }
                 (Some(Treatment::Branch(inner)), _) => {
                     placed.push(name);
-                    let value = self.within(inner, old, level + 1)?;
-                    value.into_iter().for_each(|value| projected.append(name, value));
+                    self.within(inner, name, element, level + 1)?;
                 }
             }
         }
         // What is new comes last, in the order of the specification.
         for (name, item) in &branch.children {
-            if !matches!(item, Treatment::Named) && !placed.iter().any(|placed| *placed == name.as_str()) {
-                let name: &CStr = name.as_str().try_into()?;
-                match item {
-                    Treatment::Branch(inner) if inner.computes() => {
-                        projected.append(name, self.branch(inner, None, level + 1)?);
-                    }
-                    _ => value(name)?.into_iter().for_each(|value| projected.append(name, value)),
+            let name = name.as_bytes();
+            match item {
+                Treatment::Named => {}
+                _ if placed.contains(&name) => {}
+                Treatment::Computed(_) => value(name).into_iter().for_each(|value| self.put(name, value)),
+                Treatment::Branch(inner) if inner.computes() => {
+                    self.name(DOCUMENT, name);
+                    self.branch(inner, None, level + 1)?;
                 }
+                Treatment::Branch(_) => {}
             }
         }
-        Ok(projected)
+        self.end(begin);
+        Ok(())
     }
 
-    /// What takes the place of a value; of an array, of each of its elements.
-    fn within(&mut self, branch: &Branch, value: RawBsonRef<'_>, level: usize) -> Result<Option<RawBson>> {
-        Ok(match value {
-            RawBsonRef::Document(document) => Some(RawBson::Document(self.branch(branch, Some(document), level)?)),
-            RawBsonRef::Array(items) => {
-                let mut kept = RawArrayBuf::new();
-                for item in items {
-                    self.within(branch, item?, level + 1)?.into_iter().for_each(|item| kept.push(item));
-                }
-                Some(RawBson::Array(kept))
+    /// Writes what takes the place of a value; of an array, of each of its elements. Returns whether there is something.
+    fn within(&mut self, branch: &Branch, name: &[u8], element: Element<'_>, level: usize) -> Result<bool> {
+        match element.type_code {
+            DOCUMENT => {
+                self.name(DOCUMENT, name);
+                self.branch(branch, Some(RawDocument::from_bytes(element.value)?), level)?;
             }
-            _ if branch.computes() => Some(RawBson::Document(self.branch(branch, None, level)?)),
-            other => (branch.mode != Mode::Include).then(|| other.into()),
-        })
+            ARRAY => {
+                self.name(ARRAY, name);
+                let (begin, mut kept) = (self.begin(), 0_usize);
+                for item in Elements::new(RawDocument::from_bytes(element.value)?) {
+                    kept += usize::from(self.within(branch, kept.to_string().as_bytes(), item, level + 1)?);
+                }
+                self.end(begin);
+            }
+            _ if branch.computes() => {
+                self.name(DOCUMENT, name);
+                self.branch(branch, None, level)?;
+            }
+            _ if branch.mode == Mode::Include => return Ok(false),
+            _ => self.put(name, element),
+        }
+        Ok(true)
     }
 
     /// The computed fields of a branch that have a value, where it has such fields.
@@ -95,5 +112,32 @@ impl Projected<'_> {
             }
         }
         Ok(values.as_ref().map(RawDocumentBuf::try_from).transpose()?)
+    }
+
+    /// Begins a document or an array; returns where its length is.
+    fn begin(&mut self) -> usize {
+        self.bytes.extend_from_slice(&[0; 4]);
+        self.bytes.len() - 4
+    }
+
+    /// Ends the document or array that began there.
+    fn end(&mut self, begin: usize) {
+        self.bytes.push(0);
+        let length = i32::try_from(self.bytes.len() - begin).unwrap_or(i32::MAX);
+        let place = self.bytes.get_mut(begin..).and_then(<[u8]>::first_chunk_mut);
+        place.into_iter().for_each(|place| *place = length.to_le_bytes());
+    }
+
+    /// Writes the type and the name of an element.
+    fn name(&mut self, type_code: u8, name: &[u8]) {
+        self.bytes.push(type_code);
+        self.bytes.extend_from_slice(name);
+        self.bytes.push(0);
+    }
+
+    /// Writes the value of an element under a name.
+    fn put(&mut self, name: &[u8], element: Element<'_>) {
+        self.name(element.type_code, name);
+        self.bytes.extend_from_slice(element.value);
     }
 }

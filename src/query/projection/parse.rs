@@ -75,7 +75,7 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
             }
         }
     }
-    let names_id = root.child("_id").is_some();
+    let names_id = root.child(b"_id").is_some();
     match (mode, id) {
         (Mode::Include, None | Some(true)) if !names_id => root.insert("_id", Treatment::Named)?,
         (Mode::Exclude, Some(false)) => root.insert("_id", Treatment::Named)?,

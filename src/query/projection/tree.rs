@@ -44,8 +44,8 @@ impl Branch {
         Self { mode, children: Vec::new() }
     }
 
-    pub(super) fn child(&self, name: &str) -> Option<&Treatment> {
-        self.children.iter().find(|(known, _)| known == name).map(|(_, item)| item)
+    pub(super) fn child(&self, name: &[u8]) -> Option<&Treatment> {
+        self.children.iter().find(|(known, _)| known.as_bytes() == name).map(|(_, item)| item)
     }
 
     /// Returns whether anything under this branch is computed.

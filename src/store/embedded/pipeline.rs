@@ -29,7 +29,7 @@ impl Embedded {
         let stages = if described.is_some() { stages.get(1..).unwrap_or_default() } else { stages };
         let stages = &self.with_near_key(ns, stages)?;
         let constants = constants(&modifiers.variables)?;
-        let pipeline = Pipeline::parse_with(stages, &constants)?;
+        let mut pipeline = Pipeline::parse_with(stages, &constants)?;
         if let (Some(near), Some(collection)) = (pipeline.near(), self.collection(ns)?) {
             self.check_near(collection, near)?;
         }
@@ -44,6 +44,7 @@ impl Embedded {
                 counted.iter().map(|document| Ok(RawDocumentBuf::try_from(document).map_err(QueryError::from)?));
             return Ok(Box::new(counted.collect::<Vec<_>>().into_iter()));
         }
+        let is_filtered = described.is_none() && !stages.first().is_some_and(is_empty_match);
         let input: Documents<'_> = match (described, pipeline.brings_documents()) {
             (Some(documents), _) => Box::new(documents.into_iter().map(Ok)),
             (None, true) => Box::new(std::iter::empty()),
@@ -51,6 +52,9 @@ impl Embedded {
                 self.input(ns, &first_filter(stages), &constants, (modifiers.hint.as_ref(), pipeline.is_scored()))?
             }
         };
+        if is_filtered {
+            pipeline.assume_first_match();
+        }
         let is_scored = pipeline.is_scored();
         let now = DateTime::now();
         if pipeline.is_piecewise() && pipeline.output().is_none() {
@@ -258,6 +262,25 @@ mod tests {
                 }
                 assert_eq!(answer(std::slice::from_ref(&last)), answer(&[doc! { "$skip": 0 }, last.clone()]));
             }
+        }
+    }
+
+    #[test]
+    fn a_filter_in_front_is_asked_once() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace { database: "a".into(), collection: "b".into() };
+        store.insert(&ns, (0..2_000).map(|n| doc! { "_id": n, "n": n % 2 }).collect()).unwrap();
+        let count = |stages: &[Document]| {
+            let aggregation = Aggregation { stages, modifiers: &Modifiers::default() };
+            store.aggregate(&ns, aggregation).unwrap().map(Result::unwrap).count()
+        };
+        let some = count(&[doc! { "$match": { "$sampleRate": 0.5 } }]);
+        // Asked twice, a quarter would be left.
+        assert!((800..1_200).contains(&some), "{some}");
+        let matching = |filter: Document| doc! { "$match": filter };
+        for in_front in [doc! {}, doc! { "$comment": "all" }, doc! { "_id": { "$gte": 0 } }] {
+            let all = [matching(in_front), matching(doc! { "n": 1 }), doc! { "$project": { "n": 1 } }];
+            assert_eq!(count(&all), 1_000, "{all:?}");
         }
     }
 }
