@@ -61,6 +61,10 @@ pub struct ServeArgs {
     /// Close cursors that were not read for this long
     #[arg(long, value_name = "DURATION", default_value = "10m", value_parser = quantity::duration)]
     pub cursor_timeout: Duration,
+    /// Do not poll for the next command of a client that sends one after the other: slower, but the
+    /// processor sleeps in between
+    #[arg(long)]
+    pub no_busy_poll: bool,
     /// Print the URIs on stdout once clients can connect
     #[arg(long)]
     pub print_uri: bool,
@@ -133,6 +137,7 @@ fn options(args: &ServeArgs) -> Result<Options> {
         users: users.map(Arc::new),
         connections: args.max_connections as usize,
         cursor_timeout: args.cursor_timeout,
+        busy_poll: !args.no_busy_poll,
     })
 }
 

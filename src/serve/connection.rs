@@ -3,12 +3,13 @@
 use std::io::{BufRead as _, BufReader, ErrorKind, Write as _};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, LazyLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::raw::cstr;
 use bson::{Binary, RawDocumentBuf, rawdoc};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use super::busy_poll::Pace;
 use super::client::Client;
 use super::command;
 use super::failure::{Answer, Failure, codes};
@@ -25,10 +26,11 @@ use super::write::OPERATION_TIME;
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
     let memory = Lazy::of_connection(server);
     let Ok(host) = Host::new(server, client.id, &memory, false) else { return server.leave(client.id) };
-    let mut connection = Connection { reader: BufReader::with_capacity(64 << 10, stream), host, client };
+    let reader = BufReader::with_capacity(64 << 10, stream);
+    let mut connection = Connection { reader, host, client, pace: Pace::default() };
     // A connection that broke is over; no client reads the error.
     let _ = connection.run();
-    let Connection { client, host, reader } = connection;
+    let Connection { client, host, reader, .. } = connection;
     drop(reader);
     server.leave(client.id);
     server.cursors.leave(client.id);
@@ -55,6 +57,7 @@ struct Connection<'m> {
     reader: BufReader<Stream>,
     host: Host<'m>,
     client: Client,
+    pace: Pace,
 }
 
 /// Whether there is more to come.
@@ -94,6 +97,19 @@ impl Connection<'_> {
 
     /// Waits for a message of the client; for those of other threads, too, where there are cursors that they may read.
     fn wait(&mut self) -> Result<GoesOn, WireError> {
+        if !self.reader.buffer().is_empty() || self.reader.get_mut().has_received() {
+            return Ok(true);
+        }
+        let since = Instant::now();
+        let server = &self.host.server;
+        let polled = server.busy_poll.poll(&self.pace, self.reader.get_ref().descriptor(), &server.turns);
+        let goes_on = self.sleep();
+        self.pace.note(since.elapsed(), polled);
+        goes_on
+    }
+
+    /// Sleeps until there is a message.
+    fn sleep(&mut self) -> Result<GoesOn, WireError> {
         loop {
             if self.host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
                 self.listen()?;

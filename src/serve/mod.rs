@@ -16,6 +16,7 @@ mod address;
 mod attempt;
 mod auth;
 mod behind;
+mod busy_poll;
 mod call;
 mod changes;
 mod client;

@@ -12,6 +12,7 @@ use bson::DateTime;
 use super::access::Metadata;
 use super::auth::Users;
 use super::behind::Behind;
+use super::busy_poll::BusyPoll;
 use super::changes::Scopes;
 use super::clock::Clock;
 use super::cursor::Cursors;
@@ -45,12 +46,14 @@ pub struct Options {
     pub connections: usize,
     /// How long a cursor lives without being read.
     pub cursor_timeout: Duration,
+    /// Whether connections may poll for commands that come one after the other, instead of sleeping.
+    pub busy_poll: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
         let cursor_timeout = Duration::from_secs(600);
-        Self { metadata: false, read_only: false, users: None, connections: 1000, cursor_timeout }
+        Self { metadata: false, read_only: false, users: None, connections: 1000, cursor_timeout, busy_poll: true }
     }
 }
 
@@ -67,6 +70,7 @@ pub struct Server {
     pub(super) readings: Readings,
     pub(super) clock: Clock,
     pub(super) turns: Turns,
+    pub(super) busy_poll: BusyPoll,
     files: Files,
     pub(super) counters: Counters,
     pub(super) usage: Usage,
@@ -99,6 +103,7 @@ impl Server {
     /// Returns a server of the memory that `open` opens, and what its writer is given to do.
     pub(super) fn new(open: Opener, options: Options) -> (Arc<Self>, Receiver<Job>) {
         let (writer, jobs) = JobQueue::new();
+        let busy_poll = BusyPoll::new(options.busy_poll);
         let server = Arc::new(Self {
             open,
             options,
@@ -111,6 +116,7 @@ impl Server {
             readings: Readings::default(),
             clock: Clock::default(),
             turns: Turns::default(),
+            busy_poll,
             files: Files::default(),
             counters: Counters::default(),
             usage: Usage::default(),

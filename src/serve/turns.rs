@@ -13,6 +13,11 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 pub(super) struct Turns(AtomicIsize);
 
 impl Turns {
+    /// How many work at a command.
+    pub(super) fn working(&self) -> usize {
+        self.0.load(Ordering::Relaxed).try_into().unwrap_or(0)
+    }
+
     /// A connection has a command to work at.
     pub(super) fn begin(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);
@@ -41,7 +46,7 @@ mod tests {
     #[test]
     fn those_that_wait_do_not_count_as_work() {
         let turns = Turns::default();
-        let working = || turns.0.load(Ordering::Relaxed);
+        let working = || turns.working();
         turns.begin();
         turns.begin();
         assert_eq!((turns.paused(working), working()), (1, 2));
