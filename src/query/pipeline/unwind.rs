@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use bson::{Bson, Document, RawDocument, RawDocumentBuf};
+use bson::raw::CString;
+use bson::{Bson, Document, RawBson, RawDocument, RawDocumentBuf};
 
 use super::documents::{Documents, encode};
 use crate::query::element::{ARRAY, DOCUMENT, Elements, extent};
@@ -98,6 +99,13 @@ impl Unwind {
     /// The document with the number of its element, where that is wanted.
     fn numbered(&self, document: RawDocumentBuf, number: Option<i64>) -> Result<RawDocumentBuf> {
         let Some(path) = &self.index else { return Ok(document) };
+        if let [name] = path.as_slice()
+            && extent(&document, name).is_none()
+        {
+            let mut document = document;
+            document.append(CString::try_from(name.as_str())?, number.map_or(RawBson::Null, RawBson::Int64));
+            return Ok(document);
+        }
         let mut document = Document::try_from(document)?;
         put(&mut document, path, number.map_or(Bson::Null, Bson::Int64));
         encode(&document)
@@ -160,7 +168,9 @@ impl Place {
     fn put(&self, document: &RawDocument, item: Option<Item>) -> Result<RawDocumentBuf> {
         let bytes = document.as_bytes();
         let part = |range: Range<usize>| bytes.get(range).unwrap_or_default();
-        let mut made = Vec::with_capacity(bytes.len());
+        // No more than it needs: many may be kept, and the array is in none of them.
+        let item_length = item.as_ref().map_or(0, |(_, value)| value.len());
+        let mut made = Vec::with_capacity(bytes.len() - self.value.len() + item_length);
         made.extend_from_slice(part(0..self.start));
         if let Some((type_code, value)) = item {
             made.push(type_code);

@@ -23,7 +23,12 @@ pub(super) fn projected(
     let bytes = Vec::with_capacity(document.as_bytes().len());
     let mut projection = Projection { environment, held: Held::default(), bytes };
     projection.branch(root, Some(document), 1)?;
-    Ok(RawDocumentBuf::from_bytes(projection.bytes)?)
+    let mut bytes = projection.bytes;
+    if bytes.len() < bytes.capacity() / 2 {
+        // Many may be kept.
+        bytes.shrink_to_fit();
+    }
+    Ok(RawDocumentBuf::from_bytes(bytes)?)
 }
 
 /// A projected document that is being written.

@@ -236,6 +236,45 @@ mod tests {
     }
 
     #[test]
+    fn what_a_stage_leaves_out_takes_no_memory() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace { database: "a".into(), collection: "b".into() };
+        let items: Vec<i32> = (0..10_000).collect();
+        store.insert(&ns, vec![doc! { "_id": 1, "a": 1, "items": items }]).unwrap();
+        let with_number = doc! { "path": "$items", "includeArrayIndex": "n" };
+        let stages = [
+            doc! { "$unwind": "$items" },
+            doc! { "$unwind": with_number },
+            doc! { "$project": { "a": 1 } },
+            doc! { "$project": { "items": 0 } },
+            doc! { "$set": { "items": 1 } },
+            doc! { "$replaceWith": { "a": "$a" } },
+        ];
+        for stage in stages {
+            let aggregation = Aggregation { stages: std::slice::from_ref(&stage), modifiers: &Modifiers::default() };
+            for made in store.aggregate(&ns, aggregation).unwrap() {
+                assert!(made.unwrap().into_bytes().capacity() < 200, "{stage}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_lookup_of_many_values_finds_all_with_an_index() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = |name: &str| Namespace { database: "a".into(), collection: name.into() };
+        let wide = |n: i32| doc! { "_id": n, "all": (n..n + 4_000).collect::<Vec<i32>>() };
+        store.insert(&ns("wide"), (0..5).map(wide).collect()).unwrap();
+        store.insert(&ns("few"), (0..10).map(|n| doc! { "_id": n, "k": 1 }).collect()).unwrap();
+        let lookup = doc! { "from": "few", "localField": "all", "foreignField": "_id", "as": "found" };
+        let stages = [doc! { "$lookup": lookup }, doc! { "$project": { "n": { "$size": "$found" } } }];
+        let aggregation = Aggregation { stages: &stages, modifiers: &Modifiers::default() };
+        let found = store.aggregate(&ns("wide"), aggregation).unwrap();
+        // After the second document, the index is not asked any more.
+        let expected: Vec<RawDocumentBuf> = (0..5).map(|n| bson::rawdoc! { "_id": n, "n": 10 - n }).collect();
+        assert_eq!(found.collect::<Result<Vec<_>, _>>().unwrap(), expected);
+    }
+
+    #[test]
     fn what_matches_is_counted_as_it_is_when_it_is_read() {
         let store = Embedded::in_memory().unwrap();
         let ns = Namespace { database: "a".into(), collection: "b".into() };
