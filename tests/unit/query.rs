@@ -1,6 +1,6 @@
 //! The module query: MongoDB's semantics through its public interface.
 
-use bson::{DateTime, Document, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, bson, doc};
 use rmem::query::{Filter, Projection, Update};
 
 fn raw(document: &Document) -> RawDocumentBuf {
@@ -62,6 +62,27 @@ fn an_update_keeps_the_id_to_the_byte() {
     assert!(code(doc! {"a": [1, 2]}).unwrap().is_some());
     let padded = code(doc! {"$set": {"a.01": 9}}).unwrap().unwrap();
     assert_eq!(Document::try_from(&padded).unwrap(), doc! {"_id": 1, "a": [1, 9]});
+}
+
+#[test]
+fn the_first_computed_field_that_fails_says_why() {
+    let filter = Filter::parse(&doc! {}).unwrap();
+    let code = |stage: Document, a: Bson| {
+        let pipeline = Update::parse_pipeline(&[stage]).unwrap();
+        let document = raw(&doc! {"_id": 1, "a": a, "x": "q"});
+        pipeline.apply(&document, &filter, DateTime::from_millis(0)).map(|_| 0).map_err(|error| error.code)
+    };
+    let divided = doc! {"$divide": [1, {"$subtract": ["$_id", 1]}]};
+    let (inner, outer) = (doc! {"a.z": divided.clone()}, doc! {"c": {"$toInt": "$x"}});
+    let both =
+        |first: &Document, second: &Document| -> Document { first.clone().into_iter().chain(second.clone()).collect() };
+    for a in [bson!({"b": 1}), bson!([{"b": 1}, 2]), bson!(1)] {
+        assert_eq!(code(doc! {"$set": both(&inner, &outer)}, a.clone()), Err(2), "{a}");
+        assert_eq!(code(doc! {"$set": both(&outer, &inner)}, a.clone()), Err(241), "{a}");
+        let deep = doc! {"a": {"y": {"k": divided.clone()}}};
+        assert_eq!(code(doc! {"$set": both(&deep, &outer)}, a), Err(2));
+    }
+    assert_eq!(code(doc! {"$set": both(&inner, &outer)}, bson!([])), Err(241), "nothing is divided");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::query::limit::Held;
 /// Returns the projected document; computed fields see the whole one.
 ///
 /// # Errors
-/// If a field cannot be computed, or the document is damaged.
+/// If a field cannot be computed.
 pub(super) fn projected(
     root: &Branch,
     document: &RawDocument,
@@ -41,7 +41,7 @@ struct Projection<'a> {
 impl Projection<'_> {
     /// Writes a document so many levels deep, made of one that is there or of none.
     fn branch(&mut self, branch: &Branch, document: Option<&RawDocument>, level: usize) -> Result<()> {
-        let computed = self.computed(branch, level)?;
+        let computed = self.computed(branch, document, level)?;
         let value = |name: &[u8]| Elements::new(computed.as_deref()?).find(name);
         let begin = self.begin();
         let mut placed: Vec<&[u8]> = Vec::new();
@@ -107,16 +107,39 @@ impl Projection<'_> {
     }
 
     /// The computed fields of a branch that have a value, where it has such fields.
-    fn computed(&mut self, branch: &Branch, level: usize) -> Result<Option<RawDocumentBuf>> {
+    fn computed(
+        &mut self,
+        branch: &Branch,
+        document: Option<&RawDocument>,
+        level: usize,
+    ) -> Result<Option<RawDocumentBuf>> {
         let mut values: Option<Document> = None;
-        for (name, item) in &branch.children {
+        for (nth, (name, item)) in branch.children.iter().enumerate() {
             let Treatment::Computed(expression) = item else { continue };
-            if let Some(value) = expression.evaluate(&self.environment)? {
+            let value = match expression.evaluate(&self.environment) {
+                Ok(value) => value,
+                Err(error) => return self.branches(branch, nth, document, level).and(Err(error)),
+            };
+            if let Some(value) = value {
                 self.held.add_below(&value, level)?;
                 values.get_or_insert_default().insert(name.clone(), value);
             }
         }
         Ok(values.as_ref().map(RawDocumentBuf::try_from).transpose()?)
+    }
+
+    /// Computes the first so many branches for their errors: the first one in the order of the specification counts.
+    fn branches(&mut self, branch: &Branch, most: usize, document: Option<&RawDocument>, level: usize) -> Result<()> {
+        for (name, item) in branch.children.iter().take(most) {
+            let Treatment::Branch(inner) = item else { continue };
+            let element = document.and_then(|document| Elements::new(document).find(name.as_bytes()));
+            match element {
+                _ if !inner.computes() => {}
+                Some(element) => drop(self.within(inner, name.as_bytes(), element, level + 1)?),
+                None => self.branch(inner, None, level + 1)?,
+            }
+        }
+        Ok(())
     }
 
     /// Begins a document or an array; returns where its length is.
