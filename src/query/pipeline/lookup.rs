@@ -30,8 +30,10 @@ pub(super) struct Lookup {
     pub(super) last: bool,
 }
 
-/// How many documents look for others by an index, before all others are read and kept by their values.
-const BY_INDEX: u32 = 1_000;
+/// What documents that look for others by an index may cost, before all others are read and kept by their values.
+const BY_INDEX: usize = 10_000;
+/// What one of them costs, besides one for each value it looks for and one for each document that is read.
+const BY_INDEX_ONCE: usize = 9;
 
 /// Returns the keys of the values that a path reaches; of none, null.
 fn local_keys(path: &Path, fields: Fields<'_>) -> Vec<Vec<u8>> {
@@ -124,7 +126,7 @@ impl Lookup {
         input: Documents<'a, E>,
         run: Run<'a, E>,
     ) -> Documents<'a, E> {
-        let others = Others { all: OnceCell::new(), by_index: Cell::new(BY_INDEX) };
+        let others = Others { all: OnceCell::new(), by_index: Rc::new(Cell::new(BY_INDEX)) };
         Box::new(input.map(move |document| {
             let document = document?;
             let found = self.found(&document, &run, &others)?;
@@ -146,7 +148,7 @@ impl Lookup {
         let foreign: Documents<'a, E> = match (&self.fields, &self.from) {
             (Some((local, foreign)), Some(from)) => {
                 let keys = local_keys(local, (&**document).into());
-                match others.indexed(from, foreign, equal_to(local, foreign, document), run)? {
+                match others.indexed(from, foreign, plain_values(local, document), run)? {
                     Some(found) => with_value(found, foreign, keys),
                     None => others.of_values(from, foreign, keys, run)?,
                 }
@@ -168,8 +170,8 @@ impl Lookup {
 struct Others<'a> {
     /// All documents.
     all: OnceCell<Rc<Foreign<'a>>>,
-    /// How many more documents may look for others by an index, if there is one.
-    by_index: Cell<u32>,
+    /// What is left for documents that look for others by an index, if there is one.
+    by_index: Rc<Cell<usize>>,
 }
 
 impl<'a> Others<'a> {
@@ -178,14 +180,17 @@ impl<'a> Others<'a> {
         &self,
         from: &Origin,
         foreign: &Path,
-        filter: Option<Document>,
+        values: Option<Vec<Bson>>,
         run: &Run<'a, E>,
     ) -> std::result::Result<Option<Documents<'a, E>>, E> {
         let left = if foreign.parts().iter().all(|part| part.index.is_none()) { self.by_index.get() } else { 0 };
-        let Some(filter) = filter.filter(|_| left > 0) else { return Ok(None) };
-        let found = run.indexed(from, &filter)?;
-        self.by_index.set(if found.is_some() { left - 1 } else { 0 });
-        Ok(found)
+        let cost = values.as_ref().map(|values| BY_INDEX_ONCE + values.len());
+        let Some((values, cost)) = values.zip(cost.filter(|cost| *cost <= left)) else { return Ok(None) };
+        let found = run.indexed(from, &doc! { foreign.text(): { "$in": values } })?;
+        self.by_index.set(if found.is_some() { left - cost } else { 0 });
+        let left = Rc::clone(&self.by_index);
+        Ok(found
+            .map(|found| Box::new(found.inspect(move |_| left.set(left.get().saturating_sub(1)))) as Documents<'a, E>))
     }
 
     /// The documents that have one of the values, among all, which are read once.
@@ -204,9 +209,9 @@ impl<'a> Others<'a> {
     }
 }
 
-/// A filter for documents with one of the values that a path reaches; nothing where a filter would take one for
-/// something else, like a regular expression.
-fn equal_to(local: &Path, foreign: &Path, document: &RawDocument) -> Option<Document> {
+/// The values that a path reaches, for a filter; nothing where a filter would take one for something else, like a
+/// regular expression.
+fn plain_values(local: &Path, document: &RawDocument) -> Option<Vec<Bson>> {
     let mut values = Vec::new();
     local.any(document.into(), false, &mut |value, _| {
         match value {
@@ -219,10 +224,7 @@ fn equal_to(local: &Path, foreign: &Path, document: &RawDocument) -> Option<Docu
         matches!(value, View::Number(_) | View::String(_) | View::ObjectId(_) | View::Bool(_) | View::Date(_))
     };
     let is_found = !values.is_empty() && values.iter().all(is_plain);
-    is_found.then(|| {
-        let values: Vec<Bson> = values.into_iter().map(View::to_bson).collect();
-        doc! { foreign.text(): { "$in": values } }
-    })
+    is_found.then(|| values.into_iter().map(View::to_bson).collect())
 }
 
 /// Moves what is at each part of a path behind the other fields there.
