@@ -58,7 +58,8 @@ pub fn run<E: From<StoreError>>(
     Ok(figures)
 }
 
-/// Repeats a kind of work, subject by subject in turn.
+/// Repeats a kind of work, subject by subject in turn. Each is the first as often as the others: what runs behind another
+/// one has its leftovers in the caches of the processor.
 fn repeat(
     subjects: &[&dyn Subject],
     work: Work,
@@ -75,14 +76,18 @@ fn repeat(
     }
     let mut times: Vec<Vec<Duration>> = vec![Vec::new(); subjects.len()];
     let turn = usize::try_from(WORK_TIMEOUT.as_micros() / one.as_micros()).unwrap_or(SERIES).clamp(1, SERIES);
-    let (mut done, start) = (0, Instant::now());
+    let (mut done, mut turns, start) = (0, 0, Instant::now());
     while done < rounds && (done < LEAST || start.elapsed() < WORK_TIMEOUT) {
         let series: Vec<_> = (0..turn.min(rounds - done)).map(|_| work.task(objects)).collect();
-        for (subject, times) in subjects.iter().zip(&mut times) {
+        let mut all: Vec<_> = subjects.iter().zip(&mut times).collect();
+        let first = turns % all.len().max(1);
+        all.rotate_left(first);
+        for (subject, times) in all {
             for task in &series {
                 times.push(subject.time(task)?);
             }
         }
+        turns += 1;
         done += series.len();
     }
     Ok(names.zip(times).map(|(name, times)| (name, median(times))).collect())
@@ -91,4 +96,63 @@ fn repeat(
 fn median(mut times: Vec<Duration>) -> Duration {
     times.sort_unstable();
     times.get(times.len() / 2).copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use bson::Document;
+
+    use super::*;
+    use crate::bench::work::Operation;
+
+    /// Notes its name for each insert.
+    struct Noting<'l>(&'static str, &'l RefCell<Vec<&'static str>>);
+
+    impl Subject for Noting<'_> {
+        fn name(&self) -> &'static str {
+            self.0
+        }
+
+        fn insert(&self, _: Vec<Document>) -> Result<(), StoreError> {
+            self.1.borrow_mut().push(self.0);
+            Ok(())
+        }
+
+        fn find(&self, _: Document) -> Result<u64, StoreError> {
+            Ok(0)
+        }
+
+        fn update(&self, _: Document, _: Document) -> Result<(), StoreError> {
+            Ok(())
+        }
+
+        fn nearest(&self) -> Result<u64, StoreError> {
+            Ok(0)
+        }
+
+        fn index(&self) -> Result<(), StoreError> {
+            Ok(())
+        }
+
+        fn drop_index(&self) -> Result<(), StoreError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn each_subject_is_the_first_in_turn() {
+        let log = RefCell::new(Vec::new());
+        let (a, b, c) = (Noting("a", &log), Noting("b", &log), Noting("c", &log));
+        let work = Work { operation: Operation::Insert, is_indexed: false };
+        let medians = repeat(&[&a, &b, &c], work, 4 * SERIES, &mut Objects::default()).unwrap();
+        assert_eq!(medians.iter().map(|(name, _)| *name).collect::<String>(), "abc");
+        let log = log.into_inner();
+        let order: String = log.chunk_by(|one, other| one == other).map(|same| same[0]).collect();
+        // The first round, and then as many turns as there is work for.
+        assert!("abcabcbcacababc".starts_with(&order), "{order}");
+        assert!(order.len() >= 6, "{order}");
+        assert!(["a", "b", "c"].iter().all(|name| log.iter().filter(|one| *one == name).count() > SERIES), "{log:?}");
+    }
 }
