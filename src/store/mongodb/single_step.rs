@@ -21,23 +21,36 @@ use crate::store::{UpdateRequest, UpdateSpec};
 const OVERHEAD: usize = 68;
 
 /// The requests that carry the metadata, to be tried in this order; none where one request cannot. A pipeline that is
-/// refused says nothing yet.
-pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<Vec<UpdateRequest>, QueryError> {
-    let UpdateSpec::Document(update) = &request.update else { return Ok(Vec::new()) };
+/// refused says nothing yet. Each is made when it is asked for: most updates need only the first.
+pub(super) fn with_metadata(
+    request: &UpdateRequest,
+    at: DateTime,
+) -> Result<impl Iterator<Item = UpdateRequest>, QueryError> {
+    let (first, exact) = specs(request, at)?;
+    let exact = exact.into_iter().map(move |(values, least)| UpdateSpec::Pipeline(compared(&values, least, at)));
+    Ok(first.into_iter().chain(exact).map(|update| {
+        let (filter, modifiers) = (request.filter.clone(), request.modifiers.clone());
+        UpdateRequest { filter, update, modifiers, ..UpdateRequest::default() }
+    }))
+}
+
+/// What the first request does, and what the second one compares: fields, and the fewest bytes of a document.
+type Specs<'u> = (Option<UpdateSpec>, Option<(Vec<(&'u str, &'u Bson)>, usize)>);
+
+fn specs(request: &UpdateRequest, at: DateTime) -> Result<Specs<'_>, QueryError> {
+    let UpdateSpec::Document(update) = &request.update else { return Ok((None, None)) };
     if request.many || !request.array_filters.is_empty() {
-        return Ok(Vec::new());
+        return Ok((None, None));
     }
-    let same = |update: UpdateSpec| UpdateRequest { update, upsert: false, ..request.clone() };
     if update.iter().any(|(operator, fields)| always_changes(operator, fields)) {
         let mut update = update.clone();
         add_field(&mut update, "$set", UPDATED, at)?;
-        return Ok(vec![same(UpdateSpec::Document(update))]);
+        return Ok((Some(UpdateSpec::Document(update)), None));
     }
-    let Some(values) = plain_values(update) else { return Ok(Vec::new()) };
+    let Some(values) = plain_values(update) else { return Ok((None, None)) };
     let least = RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + OVERHEAD;
-    let exact = is_comparable(&values).then(|| compared(&values, least, at));
-    let pipelines = [Some(changed(&values, least, at)), exact];
-    Ok(pipelines.into_iter().flatten().map(|stages| same(UpdateSpec::Pipeline(stages))).collect())
+    let first = UpdateSpec::Pipeline(changed(&values, least, at));
+    Ok((Some(first), is_comparable(&values).then_some((values, least))))
 }
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
@@ -202,7 +215,7 @@ mod tests {
             let filter = doc! { "name": "a" };
             let request = UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() };
             let requests = with_metadata(&request, DateTime::from_millis(1)).unwrap();
-            match requests.iter().map(|request| &request.update).collect::<Vec<_>>().as_slice() {
+            match requests.map(|request| request.update).collect::<Vec<_>>().as_slice() {
                 [UpdateSpec::Document(_)] => "sure",
                 [UpdateSpec::Pipeline(_), UpdateSpec::Pipeline(_)] => "compared",
                 [UpdateSpec::Pipeline(_)] => "compared unless equal",

@@ -47,7 +47,7 @@ impl MongoDb {
         if done.matched > 0 || !request.upsert {
             return Ok(done);
         }
-        self.apply(ns, &UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
+        self.apply(ns, UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
     }
 
     /// Updates the first match with its metadata by one request; nothing is done where none of those tried can.
@@ -62,7 +62,7 @@ impl MongoDb {
             if is_pipeline && !self.notes_what_pipelines_change() {
                 return Ok(None);
             }
-            match self.apply(ns, &single) {
+            match self.apply(ns, single) {
                 // The document may be too small or the same, or what the request has may not go with a pipeline.
                 Err(StoreError::Query(_)) if is_pipeline => {}
                 done => return done.map(Some),
@@ -80,7 +80,7 @@ impl MongoDb {
         let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
         if done.matched == 0 && !request.upsert {
             // An update of nothing is checked by the server, too.
-            self.apply(ns, &UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
+            self.apply(ns, UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
         }
         Ok(done)
     }
@@ -164,7 +164,7 @@ impl MongoDb {
         let mut done = Updated::default();
         if !changing.is_empty() {
             let with_metadata = with_updated(&plain, at)?;
-            done = self.apply(ns, &among(request, with_metadata, &changing)?)?;
+            done = self.apply(ns, among(request, with_metadata, &changing)?)?;
         }
         for others in [rest, behind].iter().filter(|others| !others.is_empty()) {
             add(&mut done, &self.update_then_metadata(ns, request, plain.clone(), others, at)?);
@@ -183,7 +183,7 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         let ids = ids(before);
-        let done = self.apply(ns, &among(request, plain, before)?);
+        let done = self.apply(ns, among(request, plain, before)?);
         let changed = match &done {
             Ok(done) if done.modified == 0 => return Ok(done.clone()),
             Ok(done) if done.modified == ids.len() as u64 => ids,
@@ -196,8 +196,8 @@ impl MongoDb {
         let is_unconfirmed = matches!(done, Err(StoreError::Unconfirmed { .. }));
         let waited = is_unconfirmed.then(|| self.without_majority());
         let store = waited.as_ref().unwrap_or(self);
-        match store.apply(ns, &dates) {
-            Err(StoreError::Unreachable { .. }) => store.apply(ns, &dates)?,
+        match store.apply(ns, dates.clone()) {
+            Err(StoreError::Unreachable { .. }) => store.apply(ns, dates)?,
             applied => applied?,
         };
         done

@@ -18,15 +18,15 @@ use crate::store::metadata;
 use crate::store::namespace::is_internal;
 use crate::store::validation::Bypassing;
 use crate::store::{
-    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, IndexChange, Inserted, Name, Namespace,
-    Put, Query, Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
+    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, IndexChange, Inserted, Modifiers, Name,
+    Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
 };
 
 /// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
 /// the same names, and no trait.
 macro_rules! modified {
     ($action:expr, $modifiers:expr, $($kind:ident)+) => {{
-        let (mut action, modifiers): (_, &crate::store::Modifiers) = ($action, $modifiers);
+        let (mut action, modifiers): (_, &Modifiers) = ($action, $modifiers);
         $(modified!(@$kind action, modifiers);)+
         action
     }};
@@ -440,7 +440,7 @@ impl MongoDb {
         }
         let change = || match timestamp {
             Some(at) => self.update_with_metadata(ns, update, at),
-            None => self.apply(ns, update),
+            None => self.apply(ns, update.clone()),
         };
         match change() {
             Err(StoreError::Duplicate { .. }) if self.remove_decayed(ns)? => change(),
@@ -479,11 +479,13 @@ impl MongoDb {
     }
 
     /// Updates in the server's own way.
-    pub(super) fn apply(&self, ns: &Namespace, update: &UpdateRequest) -> Result<Updated, StoreError> {
-        let changed = match &update.update {
-            UpdateSpec::Document(document) if is_replacement(document) => self.replace(ns, update, document)?,
-            UpdateSpec::Document(document) => self.modify(ns, update, document.clone().into())?,
-            UpdateSpec::Pipeline(stages) => self.modify(ns, update, stages.clone().into())?,
+    pub(super) fn apply(&self, ns: &Namespace, request: UpdateRequest) -> Result<Updated, StoreError> {
+        let UpdateRequest { filter, update, array_filters, many, upsert, modifiers } = request;
+        let asked = Asked { filter, many, upsert, modifiers: &modifiers };
+        let changed = match update {
+            UpdateSpec::Document(document) if is_replacement(&document) => self.replace(ns, asked, &document)?,
+            UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters)?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters)?,
         };
         let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
         Ok(Updated { matched, modified, upserted })
@@ -492,36 +494,40 @@ impl MongoDb {
     fn modify(
         &self,
         ns: &Namespace,
-        update: &UpdateRequest,
+        asked: Asked<'_>,
         changes: UpdateModifications,
+        array_filters: Vec<Document>,
     ) -> Result<UpdateResult, StoreError> {
         let collection = self.collection(ns);
-        let mut action = match update.many {
-            true => collection.update_many(update.filter.clone(), changes),
-            false => collection.update_one(update.filter.clone(), changes),
+        let mut action = match asked.many {
+            true => collection.update_many(asked.filter, changes),
+            false => collection.update_one(asked.filter, changes),
         };
-        action = bypassing!(self, modified!(action, &update.modifiers, collation variables hint));
-        if !update.array_filters.is_empty() {
-            action = action.array_filters(update.array_filters.clone());
+        action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
+        if !array_filters.is_empty() {
+            action = action.array_filters(array_filters);
         }
-        action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
+        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
-    fn replace(
-        &self,
-        ns: &Namespace,
-        update: &UpdateRequest,
-        replacement: &Document,
-    ) -> Result<UpdateResult, StoreError> {
-        if update.many {
+    fn replace(&self, ns: &Namespace, asked: Asked<'_>, replacement: &Document) -> Result<UpdateResult, StoreError> {
+        if asked.many {
             return Err(
                 QueryError::failed_to_parse("a replacement document cannot be applied to many documents").into()
             );
         }
         let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
         let collection = self.collection(ns);
-        let action = collection.replace_one(update.filter.clone(), body);
-        let action = bypassing!(self, modified!(action, &update.modifiers, collation variables hint));
-        action.upsert(update.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
+        let action = collection.replace_one(asked.filter, body);
+        let action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
+        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
+}
+
+/// Which documents an update asks for.
+struct Asked<'m> {
+    filter: Document,
+    many: bool,
+    upsert: bool,
+    modifiers: &'m Modifiers,
 }
