@@ -1,5 +1,7 @@
 //! The options of commands by the types that MongoDB takes them in.
 
+use std::fmt::Display;
+
 use bson::{Bson, Document};
 
 use crate::query::type_name;
@@ -47,7 +49,7 @@ const OUT_OF_RANGE: i32 = 51_024;
 /// # Errors
 /// If MongoDB does not know one, or takes it in another type.
 pub(super) fn check(command: &str, body: &Document, options: Options) -> Result<(), Failure> {
-    body.iter().skip(1).filter(|(name, _)| !is_generic(name)).try_for_each(|given| check_one(command, given, options))
+    body.iter().skip(1).filter(|(name, _)| !is_generic(name)).try_for_each(|given| check_one(&command, given, options))
 }
 
 /// Checks the options in a document of a command.
@@ -55,6 +57,10 @@ pub(super) fn check(command: &str, body: &Document, options: Options) -> Result<
 /// # Errors
 /// As [`check`].
 pub(super) fn check_inside(of: &str, document: &Document, options: Options) -> Result<(), Failure> {
+    check_at(&of, document, options)
+}
+
+fn check_at(of: &dyn Display, document: &Document, options: Options) -> Result<(), Failure> {
     document.iter().try_for_each(|given| check_one(of, given, options))
 }
 
@@ -63,9 +69,9 @@ pub(super) fn is_known(options: Options, name: &str) -> bool {
     options.iter().any(|(known, _)| *known == name)
 }
 
-fn check_one(of: &str, (name, value): (&String, &Bson), options: Options) -> Result<(), Failure> {
+fn check_one(of: &dyn Display, (name, value): (&String, &Bson), options: Options) -> Result<(), Failure> {
     match options.iter().find(|(known, _)| known == name) {
-        Some((_, wanted)) => wanted.check(&format!("{of}.{name}"), value),
+        Some((_, wanted)) => wanted.check(&format_args!("{of}.{name}"), value),
         None => {
             let message = format!("BSON field '{of}.{name}' is an unknown field.");
             Err(Failure::malformed(codes::UNKNOWN_FIELD, message))
@@ -73,7 +79,7 @@ fn check_one(of: &str, (name, value): (&String, &Bson), options: Options) -> Res
     }
 }
 
-fn check_needed(place: &str, document: &Document, name: &str) -> Result<(), Failure> {
+fn check_needed(place: &dyn Display, document: &Document, name: &str) -> Result<(), Failure> {
     match document.get(name) {
         None | Some(Bson::Null | Bson::Undefined) => {
             let message = format!("BSON field '{place}.{name}' is missing but a required field");
@@ -84,14 +90,13 @@ fn check_needed(place: &str, document: &Document, name: &str) -> Result<(), Fail
 }
 
 impl Type {
-    /// Checks the option at a place of a command.
-    fn check(self, place: &str, value: &Bson) -> Result<(), Failure> {
+    /// Checks the option at a place of a command, which is written only where something is wrong.
+    fn check(self, place: &dyn Display, value: &Bson) -> Result<(), Failure> {
         let is_null = matches!(value, Bson::Null | Bson::Undefined);
         match (self, value) {
             (Self::Given(inner), _) if !is_null => inner.check(place, value),
             (Self::Objects, _) if is_null => {
-                let name = place.rsplit('.').next().unwrap_or(place);
-                Err(Failure::new(NO_ARRAY, format!("invalid parameter: expected an object ({name})")))
+                Err(Failure::new(NO_ARRAY, format!("invalid parameter: expected an object ({})", name_at(place))))
             }
             (Self::Given(_) | Self::Strict, _) if is_null => Err(self.wrong(place, value)),
             _ if is_null => Ok(()),
@@ -103,14 +108,14 @@ impl Type {
                 Err(Failure::new(codes::BAD_VALUE, message))
             }
             (Self::Of(needed, inner), Bson::Document(document)) => {
-                check_inside(place, document, inner)?;
+                check_at(place, document, inner)?;
                 needed.iter().try_for_each(|needed| check_needed(place, document, needed))
             }
             (Self::Objects, Bson::Array(values)) => values
                 .iter()
                 .enumerate()
                 .filter(|(_, value)| !matches!(value, Bson::Document(_)))
-                .try_for_each(|(nth, value)| Err(Self::Object.wrong(&format!("{place}.{nth}"), value))),
+                .try_for_each(|(nth, value)| Err(Self::Object.wrong(&format_args!("{place}.{nth}"), value))),
             _ => Ok(()),
         }
     }
@@ -130,7 +135,7 @@ impl Type {
         }
     }
 
-    fn wrong(self, place: &str, value: &Bson) -> Failure {
+    fn wrong(self, place: &dyn Display, value: &Bson) -> Failure {
         let found = type_name(value);
         if let Self::Strict = self {
             let message = format!("Field '{place}' should be a boolean value, but found: {found}");
@@ -160,13 +165,19 @@ impl Type {
     }
 }
 
-fn check_range(place: &str, number: i64, (least, end): (i64, i64)) -> Result<(), Failure> {
-    let name = place.rsplit('.').next().unwrap_or(place);
+/// The last part of a place.
+fn name_at(place: &dyn Display) -> String {
+    let place = place.to_string();
+    place.rsplit('.').next().map_or_else(String::new, str::to_owned)
+}
+
+fn check_range(place: &dyn Display, number: i64, (least, end): (i64, i64)) -> Result<(), Failure> {
     let limit = match number {
         _ if number < least => format!(">= {least}"),
         _ if number >= end => format!("< {end}"),
         _ => return Ok(()),
     };
+    let name = name_at(place);
     Err(Failure::new(OUT_OF_RANGE, format!("BSON field '{name}' value must be {limit}, actual value '{number}'")))
 }
 
