@@ -24,6 +24,9 @@ pub enum ChangeKind {
     Drop,
     /// A database was removed, after its collections: kept for scopes that are a database or everything.
     DropDatabase,
+    /// A collection got another name; `after` has the fields `db`, `from` and `to`. Of a page of changes ([`ChangePage`])
+    /// alone: a watch of either name gets a drop, and that of the new one the documents as inserts.
+    Rename,
 }
 
 impl ChangeKind {
@@ -37,6 +40,7 @@ impl ChangeKind {
             Self::Delete => "delete",
             Self::Drop => "drop",
             Self::DropDatabase => "dropDatabase",
+            Self::Rename => "rename",
         }
     }
 }

@@ -193,7 +193,7 @@ fn with_oplog(event: &Document, kind: ChangeKind) -> Document {
         ChangeKind::Insert => "i",
         ChangeKind::Update | ChangeKind::Replace => "u",
         ChangeKind::Delete => "d",
-        ChangeKind::Drop | ChangeKind::DropDatabase => "c",
+        ChangeKind::Drop | ChangeKind::DropDatabase | ChangeKind::Rename => "c",
     };
     document.insert("op", letter);
     if let Some(object) = event.get("after").or_else(|| event.get("before")) {

@@ -30,13 +30,6 @@ impl Shape {
         joined: Option<&Joined>,
     ) -> Result<Option<Document>, Failure> {
         let time = joined::time(&change, position, joined);
-        let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
-            return Ok(None);
-        };
-        let is_update = change.kind == ChangeKind::Update;
-        if self.metadata == Metadata::Hidden && is_update && before == after {
-            return Ok(None);
-        }
         let mut event = doc! {
             "_id": Token { position, kind: TokenKind::Change }.to_document(),
             "operationType": change.kind.name(),
@@ -44,6 +37,17 @@ impl Shape {
             "wallTime": change.time,
         };
         event.extend(joined.map(Joined::fields).unwrap_or_default());
+        if change.kind == ChangeKind::Rename {
+            event.extend(names(change.after.as_deref())?);
+            return Ok(Some(event));
+        }
+        let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
+            return Ok(None);
+        };
+        let is_update = change.kind == ChangeKind::Update;
+        if self.metadata == Metadata::Hidden && is_update && before == after {
+            return Ok(None);
+        }
         let has_after = matches!(change.kind, ChangeKind::Insert | ChangeKind::Replace);
         if has_after || (is_update && self.after != After::No) {
             event.insert("fullDocument", checked(&after, self.after == After::Required)?);
@@ -78,6 +82,14 @@ impl Shape {
         };
         Ok(Some(Some(Document::try_from(&*shown)?)))
     }
+}
+
+/// The names of a rename, for streams of either name.
+fn names(names: Option<&RawDocument>) -> Result<Document, Failure> {
+    let names = names.map(Document::try_from).transpose()?.unwrap_or_default();
+    let name = |field: &str| names.get(field).cloned().unwrap_or(Bson::Null);
+    let of = |field: &str| doc! { "db": name("db"), "coll": name(field) };
+    Ok(doc! { "ns": of("from"), "to": of("to") })
 }
 
 /// The end of a stream whose collection is gone.

@@ -213,7 +213,7 @@ impl Stream {
 /// Whether a change ends the streams of a scope: the collection or the database is gone.
 fn is_end(scope: &Scope, kind: ChangeKind) -> bool {
     match scope {
-        Scope::Collection(_) => kind == ChangeKind::Drop,
+        Scope::Collection(_) => matches!(kind, ChangeKind::Drop | ChangeKind::Rename),
         Scope::Database(_) => kind == ChangeKind::DropDatabase,
         Scope::All => false,
     }

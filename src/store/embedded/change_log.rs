@@ -24,6 +24,8 @@ const OVERHEAD: usize = 64;
 pub(super) const DROPPED: i64 = 5;
 /// The number of a drop whose documents are too large for the history.
 const DROPPED_UNKEPT: i64 = 6;
+/// The number of an insert that a rename makes for watchers and histories of the new name.
+pub(super) const ARRIVED: i64 = 8;
 
 /// A change to be appended.
 #[derive(Clone, Copy)]
@@ -35,30 +37,46 @@ pub(super) struct Noted<'a> {
     pub(super) place: Option<i64>,
     /// Whether it is a deletion for the history alone, or a drop without its documents.
     pub(super) of_history: bool,
+    /// Whether it is an insert that stands for a document of a renamed collection.
+    pub(super) has_arrived: bool,
 }
 
 impl<'a> Noted<'a> {
     pub(super) fn insert(after: &'a RawDocument, place: i64) -> Self {
-        Self { kind: ChangeKind::Insert, before: None, after: Some(after), place: Some(place), of_history: false }
+        Self { after: Some(after), place: Some(place), ..Self::of(ChangeKind::Insert) }
     }
 
     pub(super) fn change(kind: ChangeKind, before: &'a RawDocument, after: &'a RawDocument, place: i64) -> Self {
-        Self { kind, before: Some(before), after: Some(after), place: Some(place), of_history: false }
+        Self { before: Some(before), after: Some(after), place: Some(place), ..Self::of(kind) }
     }
 
     pub(super) fn delete(before: &'a RawDocument, place: i64) -> Self {
-        let place = Some(place);
-        Self { kind: ChangeKind::Delete, before: Some(before), after: None, place, of_history: false }
+        Self { before: Some(before), place: Some(place), ..Self::of(ChangeKind::Delete) }
     }
 
     /// A drop; `collation` is the definition of that of the collection, for the history.
     pub(super) fn drop(collation: Option<&'a RawDocument>) -> Self {
-        Self { kind: ChangeKind::Drop, before: collation, after: None, place: None, of_history: false }
+        Self { before: collation, ..Self::of(ChangeKind::Drop) }
+    }
+
+    /// The same, by a rename with these names ([`ChangeKind::Rename`]), where there is one to be told of.
+    pub(super) fn by_rename(self, names: Option<&'a RawDocument>) -> Self {
+        Self { after: names, ..self }
+    }
+
+    /// An insert that stands for a document of a renamed collection.
+    pub(super) fn arrival(after: &'a RawDocument, place: i64) -> Self {
+        Self { has_arrived: true, ..Self::insert(after, place) }
     }
 
     /// The end of a database.
     pub(super) fn drop_database() -> Self {
-        Self { kind: ChangeKind::DropDatabase, ..Self::drop(None) }
+        Self::of(ChangeKind::DropDatabase)
+    }
+
+    /// A change of no document.
+    fn of(kind: ChangeKind) -> Self {
+        Self { kind, before: None, after: None, place: None, of_history: false, has_arrived: false }
     }
 
     /// The same, for the history.
@@ -75,6 +93,7 @@ impl<'a> Noted<'a> {
         match (self.kind, self.of_history) {
             (ChangeKind::Delete, true) => DROPPED,
             (ChangeKind::Drop, true) => DROPPED_UNKEPT,
+            (ChangeKind::Insert, _) if self.has_arrived => ARRIVED,
             (kind, _) => code(kind),
         }
     }
@@ -175,7 +194,8 @@ fn code(kind: ChangeKind) -> i64 {
         ChangeKind::Update => 1,
         ChangeKind::Replace => 2,
         ChangeKind::Delete => 3,
-        ChangeKind::Drop => 4,
+        // What a rename is to watchers and histories.
+        ChangeKind::Drop | ChangeKind::Rename => 4,
         ChangeKind::DropDatabase => 7,
     }
 }
@@ -186,6 +206,7 @@ pub(super) fn kind(code: i64) -> Option<ChangeKind> {
     match code {
         DROPPED => Some(Delete),
         DROPPED_UNKEPT => Some(Drop),
+        ARRIVED => Some(Insert),
         code => {
             [Insert, Update, Replace, Delete, Drop, DropDatabase].into_iter().find(|kind| self::code(*kind) == code)
         }

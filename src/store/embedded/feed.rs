@@ -268,8 +268,9 @@ pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError
     };
     let kind: i64 = row.get("kind")?;
     let kind = change_log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
-    // A drop has no document there, but the collation of the collection.
-    let before = before.filter(|_| kind != ChangeKind::Drop);
+    // A drop has no documents there, but the collation of the collection and the names of a rename.
+    let of_document = |_: &RawDocumentBuf| kind != ChangeKind::Drop;
+    let (before, after) = (before.filter(of_document), after.filter(of_document));
     let change = Change {
         kind,
         id: id.map_err(QueryError::from)?,
@@ -279,4 +280,13 @@ pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError
         position: sequence.to_string(),
     };
     Ok((sequence, change))
+}
+
+/// The names of the rename that a row of the log is of, where change streams are told of one.
+pub(super) fn names(row: &rusqlite::Row<'_>) -> Result<Option<RawDocumentBuf>, PageError> {
+    let stored = row.get_ref("after")?;
+    if change_log::kind(row.get("kind")?) != Some(ChangeKind::Drop) || stored == ValueRef::Null {
+        return Ok(None);
+    }
+    body::of_column(stored).map(|names| Some(names.to_owned()))
 }

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bson::{DateTime, Document, RawDocumentBuf};
+use bson::{DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
@@ -87,11 +87,18 @@ impl Embedded {
         Ok(Some(NotedChanges { time, ..noted }))
     }
 
-    /// Appends the changes of a drop, before it is done: for the history, the documents that go.
-    pub(super) fn note_drop(&self, ns: &Namespace, collection: Collection) -> Result<(), StoreError> {
-        let Some(most) = self.wanted(ns)?.by_history else { return self.note(ns, Noted::drop(None)) };
+    /// Appends the changes of a drop, before it is done: for the history, the documents that go. `names` are those of the
+    /// rename that drops the collection, where change streams are told of one.
+    pub(super) fn note_drop(
+        &self,
+        ns: &Namespace,
+        collection: Collection,
+        names: Option<&RawDocument>,
+    ) -> Result<(), StoreError> {
+        let drop = Noted::drop(None).by_rename(names);
+        let Some(most) = self.wanted(ns)?.by_history else { return self.note(ns, drop) };
         if collection.bytes(&self.connection).map_err(|e| self.explain(&e))? > most {
-            return self.note(ns, Noted::drop(None).of_history());
+            return self.note(ns, drop.of_history());
         }
         for found in Scan::new(self, collection, &mut Arc::new(Filter::parse(&Document::new())?))? {
             let found = found?;
@@ -99,7 +106,7 @@ impl Embedded {
         }
         let collation = self.collation(Some(collection), Modifiers::none())?;
         let definition = collation.map(|collation| RawDocumentBuf::try_from(collation.definition())).transpose();
-        self.note(ns, Noted::drop(definition.map_err(QueryError::from)?.as_deref()))
+        self.note(ns, Noted { before: definition.map_err(QueryError::from)?.as_deref(), ..drop })
     }
 
     /// Appends the end of a database, where all of it is watched: it is a change of none of its collections.
@@ -112,21 +119,25 @@ impl Embedded {
     }
 
     /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
-    /// name an insert of each document.
+    /// name an insert of each document. `names` are as in [`Embedded::note_drop`].
     pub(super) fn note_rename(
         &self,
         collection: Collection,
-        from: &Namespace,
-        to: &Namespace,
+        (from, to): (&Namespace, &Namespace),
+        names: Option<&RawDocument>,
     ) -> Result<(), StoreError> {
-        self.note_drop(from, collection)?;
+        self.note_drop(from, collection, names)?;
         let wanted = self.wanted(to)?;
         if !wanted.by_watchers && wanted.by_history.is_none() {
             return Ok(());
         }
         for found in Scan::new(self, collection, &mut Arc::new(Filter::parse(&Document::new())?))? {
             let found = found?;
-            self.note(to, Noted::insert(&found.body, found.position))?;
+            let noted = match names {
+                Some(_) => Noted::arrival(&found.body, found.position),
+                None => Noted::insert(&found.body, found.position),
+            };
+            self.note(to, noted)?;
         }
         Ok(())
     }

@@ -6,17 +6,17 @@
 
 use std::time::Duration;
 
-use bson::DateTime;
+use bson::{DateTime, RawDocument};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::change_log::DROPPED;
+use super::change_log::{ARRIVED, DROPPED};
 use super::place::Place;
 use super::snapshot::Snapshot;
 use super::{Embedded, change_log, feed, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
 use crate::saturate::to_i64;
-use crate::store::{ChangePage, Kept, Namespace, Scope, Since, StoreError};
+use crate::store::{Change, ChangeKind, ChangePage, Kept, Namespace, Scope, Since, StoreError};
 
 /// MongoDB's code for changes that are not kept any more.
 const HISTORY_LOST: i32 = 286;
@@ -80,7 +80,7 @@ impl Embedded {
         };
         let sql = format!(
             "SELECT sequence, kind, time, before, after, database, collection FROM changes \
-             WHERE sequence > ?1 AND {condition} AND kind <> {DROPPED} ORDER BY sequence"
+             WHERE sequence > ?1 AND {condition} AND kind NOT IN ({DROPPED}, {ARRIVED}) ORDER BY sequence"
         );
         let pattern = pattern(scope);
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
@@ -89,12 +89,21 @@ impl Embedded {
         let (mut page, mut bytes) = (ChangePage { changes: Vec::new(), until: behind }, 0);
         while page.changes.len() < most && bytes < PAGE_BYTES {
             let Some(row) = rows.next().map_err(|e| self.explain(&e))? else { break };
-            let (sequence, change) = feed::change(row).map_err(|error| self.explain_page(&pattern, error))?;
+            let read = || Ok((feed::change(row)?, feed::names(row)?));
+            let ((sequence, change), names) = read().map_err(|error| self.explain_page(&pattern, error))?;
             let named = || Ok(Namespace { database: row.get(5)?, collection: row.get(6)? });
             bytes +=
                 [&change.before, &change.after].into_iter().flatten().map(|raw| raw.as_bytes().len()).sum::<usize>();
             page.until = sequence;
-            page.changes.push((named().map_err(|e| self.explain(&e))?, change));
+            let ns = named().map_err(|e| self.explain(&e))?;
+            match names {
+                // Where both names are followed, it is reported once.
+                Some(names) if matches!(scope, Scope::Collection(_)) || is_named(&names, "from", &ns) => {
+                    page.changes.push((ns, Change { kind: ChangeKind::Rename, after: Some(names), ..change }));
+                }
+                Some(_) => {}
+                None => page.changes.push((ns, change)),
+            }
         }
         // Collections that rmem keeps for itself are not reported.
         page.changes.retain(|(ns, _)| watcher::covers(&pattern, ns));
@@ -178,6 +187,11 @@ fn scope(database: String, collection: String) -> Scope {
 fn name(scope: &Scope) -> String {
     let Namespace { database, collection } = pattern(scope);
     format!("{}{database}.{collection}", change_log::PREFIX)
+}
+
+/// Whether a field of the names of a rename has that of the collection.
+fn is_named(names: &RawDocument, field: &str, ns: &Namespace) -> bool {
+    names.get_str(field).is_ok_and(|name| name == ns.collection)
 }
 
 #[cfg(test)]

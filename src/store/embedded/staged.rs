@@ -39,7 +39,7 @@ impl Embedded {
     /// Replaces the documents within one transaction.
     fn replace_in_place(&self, ns: &Namespace, results: Results<'_>) -> Result<(), StoreError> {
         let collection = self.ensure(ns)?;
-        self.note_drop(ns, collection)?;
+        self.note_drop(ns, collection, None)?;
         self.clear(collection)?;
         for result in results {
             self.add_result(ns, collection, &result?)?;
@@ -88,7 +88,7 @@ impl Embedded {
                     format!("the indexes or the validator of {ns} were changed while $out was written; repeat it");
                 return Err(QueryError::invalid(INDEXES_CHANGED, message).into());
             }
-            self.take_name(staged, ns)
+            self.take_name(staged, ns, None)
         })
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use bson::{DateTime, Document, RawDocumentBuf};
+use bson::{DateTime, Document, RawDocument, RawDocumentBuf, rawdoc};
 
 use super::catalog::Collection;
 use super::change_log::Noted;
@@ -84,7 +84,7 @@ impl Store for Embedded {
         let _deleting = self.deleting();
         self.write(|| match self.collection(ns)? {
             Some(collection) => {
-                self.note_drop(ns, collection)?;
+                self.note_drop(ns, collection, None)?;
                 self.erase_collection(collection).map(|()| true)
             }
             None => Ok(false),
@@ -96,7 +96,10 @@ impl Store for Embedded {
     }
 
     fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
-        self.write(|| self.take_name(from, to))
+        let names = rawdoc! { "db": &*to.database, "from": &*from.collection, "to": &*to.collection };
+        // No stream hears of a collection of rmem's own.
+        let names = (!from.is_own()).then_some(&*names);
+        self.write(|| self.take_name(from, to, names))
     }
 
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -412,20 +415,26 @@ impl Embedded {
         result
     }
 
-    /// Gives a collection another name, in place of one that has it. In a write transaction only.
-    pub(super) fn take_name(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+    /// Gives a collection another name, in place of one that has it. `names` are as in [`Embedded::note_drop`]. In a write
+    /// transaction only.
+    pub(super) fn take_name(
+        &self,
+        from: &Namespace,
+        to: &Namespace,
+        names: Option<&RawDocument>,
+    ) -> Result<(), StoreError> {
         let Some(collection) = self.collection(from)? else {
             return Err(self.fail(&format!("there is no collection {from} to be renamed")));
         };
         match self.collection(to)? {
             Some(present) if present == collection => return Ok(()),
             Some(present) => {
-                self.note_drop(to, present)?;
+                self.note_drop(to, present, names)?;
                 self.erase_collection(present)?;
             }
-            None => self.note(to, Noted::drop(None))?,
+            None => self.note(to, Noted::drop(None).by_rename(names))?,
         }
-        self.note_rename(collection, from, to)?;
+        self.note_rename(collection, (from, to), names)?;
         self.catalog_cache.forget();
         collection.rename(&self.connection, to).map_err(|e| self.explain(&e))
     }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
-use mongodb::change_stream::event::{ChangeStreamEvent, OperationType};
+use mongodb::change_stream::event::{ChangeNamespace, ChangeStreamEvent, OperationType};
 use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
 use mongodb::sync::ChangeStream;
 
@@ -15,6 +15,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_stream_reports_changes_with_the_documents_before_them", reported),
     ("a_stream_goes_on_behind_a_token_also_after_a_kill", resumed),
     ("a_stream_ends_where_its_collection_is_gone", ended),
+    ("a_rename_is_one_event_and_ends_the_streams_of_both_names", renamed),
     ("a_stream_of_a_database_ends_where_that_is_dropped", database_ended),
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
     ("a_change_by_another_process_is_reported", received),
@@ -272,6 +273,51 @@ fn ended() -> Result<(), Failed> {
         let event = next(&mut stream)?;
         assert_eq!((event.operation_type, event.id), (OperationType::Invalidate, end.id.clone()));
         assert!(!stream.is_alive());
+    }
+    Ok(())
+}
+
+/// As MongoDB 6.0 reports it, whether or not there is a collection in the place of the new name.
+fn renamed() -> Result<(), Failed> {
+    for has_target in [false, true] {
+        let folder = tempfile::tempdir()?;
+        let served = Served::start(folder.path(), &[])?;
+        let client = served.client()?;
+        let database = client.database("a");
+        let [cups, mugs] = ["cups", "mugs"].map(|name| database.collection::<Document>(name));
+        cups.insert_one(doc! { "_id": 1 }).run()?;
+        if has_target {
+            mugs.insert_one(doc! { "_id": 2 }).run()?;
+        }
+        let ending = [(&cups, cups.watch().run()?), (&mugs, mugs.watch().run()?)];
+        let mut wider = [database.watch().run()?, client.watch().run()?];
+        let rename = doc! { "renameCollection": "a.cups", "to": "a.mugs", "dropTarget": has_target };
+        client.database("admin").run_command(rename).run()?;
+        mugs.insert_one(doc! { "_id": 3 }).run()?;
+        let is_rename = |event: &ChangeStreamEvent<Document>| {
+            assert_eq!(event.operation_type, OperationType::Rename);
+            let named = |ns: &ChangeNamespace| (ns.db.clone(), ns.coll.clone().unwrap_or_default());
+            let names = [&event.ns, &event.to].map(|ns| ns.as_ref().map(named));
+            assert_eq!(names, ["cups", "mugs"].map(|name| Some(("a".to_owned(), name.to_owned()))));
+            assert_eq!((&event.full_document, &event.document_key), (&None, &None));
+        };
+        for (collection, mut stream) in ending {
+            let event = next(&mut stream)?;
+            is_rename(&event);
+            let end = next(&mut stream)?;
+            assert_eq!(end.operation_type, OperationType::Invalidate);
+            assert!(!stream.is_alive());
+            let mut stream = collection.watch().resume_after(event.id).run()?;
+            assert_eq!(next(&mut stream)?.operation_type, OperationType::Invalidate);
+        }
+        for stream in &mut wider {
+            is_rename(&next(stream)?);
+            let inserted = next(stream)?;
+            assert_eq!(
+                (inserted.operation_type, inserted.document_key),
+                (OperationType::Insert, Some(doc! { "_id": 3 }))
+            );
+        }
     }
     Ok(())
 }
