@@ -76,18 +76,17 @@ fn repeat(
     }
     let mut times: Vec<Vec<Duration>> = vec![Vec::new(); subjects.len()];
     let turn = usize::try_from(WORK_TIMEOUT.as_micros() / one.as_micros()).unwrap_or(SERIES).clamp(1, SERIES);
-    let (mut done, mut turns, start) = (0, 0, Instant::now());
+    let (mut done, start) = (0, Instant::now());
     while done < rounds && (done < LEAST || start.elapsed() < WORK_TIMEOUT) {
         let series: Vec<_> = (0..turn.min(rounds - done)).map(|_| work.task(objects)).collect();
         let mut all: Vec<_> = subjects.iter().zip(&mut times).collect();
-        let first = turns % all.len().max(1);
+        let first = done / turn % all.len().max(1);
         all.rotate_left(first);
         for (subject, times) in all {
             for task in &series {
                 times.push(subject.time(task)?);
             }
         }
-        turns += 1;
         done += series.len();
     }
     Ok(names.zip(times).map(|(name, times)| (name, median(times))).collect())

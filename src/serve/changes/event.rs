@@ -25,29 +25,23 @@ impl Shape {
     pub(super) fn event(
         &self,
         ns: &Namespace,
-        change: Change,
+        mut change: Change,
         position: i64,
         joined: Option<&Joined>,
     ) -> Result<Option<Document>, Failure> {
-        let time = joined::time(&change, position, joined);
-        let mut event = doc! {
-            "_id": Token { position, kind: TokenKind::Change }.to_document(),
-            "operationType": change.kind.name(),
-            "clusterTime": time,
-            "wallTime": change.time,
-        };
-        event.extend(joined.map(Joined::fields).unwrap_or_default());
         if change.kind == ChangeKind::Rename {
+            let mut event = heading(&change, position, joined);
             event.extend(names(change.after.as_deref())?);
             return Ok(Some(event));
         }
-        let (Some(before), Some(after)) = (self.shown(change.before)?, self.shown(change.after)?) else {
+        let (Some(before), Some(after)) = (self.shown(change.before.take())?, self.shown(change.after.take())?) else {
             return Ok(None);
         };
         let is_update = change.kind == ChangeKind::Update;
         if self.metadata == Metadata::Hidden && is_update && before == after {
             return Ok(None);
         }
+        let mut event = heading(&change, position, joined);
         let has_after = matches!(change.kind, ChangeKind::Insert | ChangeKind::Replace);
         if has_after || (is_update && self.after != After::No) {
             event.insert("fullDocument", checked(&after, self.after == After::Required)?);
@@ -82,6 +76,18 @@ impl Shape {
         };
         Ok(Some(Some(Document::try_from(&*shown)?)))
     }
+}
+
+/// What the events of all changes begin with.
+fn heading(change: &Change, position: i64, joined: Option<&Joined>) -> Document {
+    let mut event = doc! {
+        "_id": Token { position, kind: TokenKind::Change }.to_document(),
+        "operationType": change.kind.name(),
+        "clusterTime": joined::time(change, position, joined),
+        "wallTime": change.time,
+    };
+    event.extend(joined.map(Joined::fields).unwrap_or_default());
+    event
 }
 
 /// The names of a rename, for streams of either name.

@@ -35,10 +35,18 @@ pub(super) struct Noted<'a> {
     pub(super) after: Option<&'a RawDocument>,
     /// The position of the document in its collection.
     pub(super) place: Option<i64>,
-    /// Whether it is a deletion for the history alone, or a drop without its documents.
-    pub(super) of_history: bool,
-    /// Whether it is an insert that stands for a document of a renamed collection.
-    pub(super) has_arrived: bool,
+    pub(super) role: Role,
+}
+
+/// What sets a change apart from others of its kind.
+#[derive(Clone, Copy)]
+pub(super) enum Role {
+    /// Nothing.
+    Plain,
+    /// A deletion for the history alone, or a drop without its documents.
+    OfHistory,
+    /// An insert that stands for a document of a renamed collection.
+    Arrival,
 }
 
 impl<'a> Noted<'a> {
@@ -66,7 +74,7 @@ impl<'a> Noted<'a> {
 
     /// An insert that stands for a document of a renamed collection.
     pub(super) fn arrival(after: &'a RawDocument, place: i64) -> Self {
-        Self { has_arrived: true, ..Self::insert(after, place) }
+        Self { role: Role::Arrival, ..Self::insert(after, place) }
     }
 
     /// The end of a database.
@@ -76,12 +84,12 @@ impl<'a> Noted<'a> {
 
     /// A change of no document.
     fn of(kind: ChangeKind) -> Self {
-        Self { kind, before: None, after: None, place: None, of_history: false, has_arrived: false }
+        Self { kind, before: None, after: None, place: None, role: Role::Plain }
     }
 
     /// The same, for the history.
     pub(super) fn of_history(self) -> Self {
-        Self { of_history: true, ..self }
+        Self { role: Role::OfHistory, ..self }
     }
 
     /// Whether watchers do not get it.
@@ -90,10 +98,10 @@ impl<'a> Noted<'a> {
     }
 
     fn code(self) -> i64 {
-        match (self.kind, self.of_history) {
-            (ChangeKind::Delete, true) => DROPPED,
-            (ChangeKind::Drop, true) => DROPPED_UNKEPT,
-            (ChangeKind::Insert, _) if self.has_arrived => ARRIVED,
+        match (self.kind, self.role) {
+            (ChangeKind::Delete, Role::OfHistory) => DROPPED,
+            (ChangeKind::Drop, Role::OfHistory) => DROPPED_UNKEPT,
+            (ChangeKind::Insert, Role::Arrival) => ARRIVED,
             (kind, _) => code(kind),
         }
     }

@@ -153,7 +153,7 @@ impl Feed<'_> {
         let (mut page, mut bytes) = (VecDeque::new(), 0);
         while page.len() < PAGE && bytes < PAGE_BYTES {
             let Some(row) = rows.next()? else { break };
-            let (sequence, change) = change(row)?;
+            let Logged { sequence, change, .. } = logged(row)?;
             bytes +=
                 [&change.before, &change.after].into_iter().flatten().map(|raw| raw.as_bytes().len()).sum::<usize>();
             page.push_back((sequence, change));
@@ -251,7 +251,15 @@ impl Drop for Feed<'_> {
 }
 
 /// A row of the log.
-pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError> {
+pub(super) struct Logged {
+    pub(super) sequence: i64,
+    pub(super) change: Change,
+    /// The names of the rename that it is of, where change streams are told of one.
+    pub(super) names: Option<RawDocumentBuf>,
+}
+
+/// Reads a row of the log.
+pub(super) fn logged(row: &rusqlite::Row<'_>) -> Result<Logged, PageError> {
     let document = |column: &str| -> Result<Option<RawDocumentBuf>, PageError> {
         let stored = row.get_ref(column)?;
         if stored == ValueRef::Null {
@@ -269,8 +277,7 @@ pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError
     let kind: i64 = row.get("kind")?;
     let kind = change_log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
     // A drop has no documents there, but the collation of the collection and the names of a rename.
-    let of_document = |_: &RawDocumentBuf| kind != ChangeKind::Drop;
-    let (before, after) = (before.filter(of_document), after.filter(of_document));
+    let (before, after, names) = if kind == ChangeKind::Drop { (None, None, after) } else { (before, after, None) };
     let change = Change {
         kind,
         id: id.map_err(QueryError::from)?,
@@ -279,14 +286,5 @@ pub(super) fn change(row: &rusqlite::Row<'_>) -> Result<(i64, Change), PageError
         time: DateTime::from_millis(row.get("time")?),
         position: sequence.to_string(),
     };
-    Ok((sequence, change))
-}
-
-/// The names of the rename that a row of the log is of, where change streams are told of one.
-pub(super) fn names(row: &rusqlite::Row<'_>) -> Result<Option<RawDocumentBuf>, PageError> {
-    let stored = row.get_ref("after")?;
-    if change_log::kind(row.get("kind")?) != Some(ChangeKind::Drop) || stored == ValueRef::Null {
-        return Ok(None);
-    }
-    body::of_column(stored).map(|names| Some(names.to_owned()))
+    Ok(Logged { sequence, change, names })
 }

@@ -5,10 +5,11 @@ use std::collections::{BTreeMap, HashSet, VecDeque};
 use bson::{DateTime, Document, RawDocument, RawDocumentBuf};
 use rusqlite::{Connection, OptionalExtension as _, params};
 
+use super::feed::{self, Logged};
 use super::history::{self, Kept};
 use super::page::PageError;
 use super::snapshot::Snapshot;
-use super::{Embedded, body, change_log, feed};
+use super::{Embedded, body, change_log};
 use crate::query::{Collation, key};
 use crate::store::history::{not_kept, too_old};
 use crate::store::{ChangeKind, Entry, History, Namespace, StoreError};
@@ -188,7 +189,7 @@ fn page(connection: &Connection, ns: &Namespace, mut behind: i64) -> Result<Vec<
         let (mut page, start) = (Vec::new(), behind);
         let mut rows = statement.query(params![ns.database, ns.collection, behind, PAGE])?;
         while let Some(row) = rows.next()? {
-            let (sequence, change) = feed::change(row)?;
+            let Logged { sequence, change, .. } = feed::logged(row)?;
             behind = sequence;
             // The changes of computables are for watches.
             if !history::is_computed(change.after.as_deref().or(change.before.as_deref())) {

@@ -6,13 +6,14 @@
 
 use std::time::Duration;
 
-use bson::{DateTime, RawDocument};
+use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::change_log::{ARRIVED, DROPPED};
+use super::feed::{self, Logged};
 use super::place::Place;
 use super::snapshot::Snapshot;
-use super::{Embedded, change_log, feed, watcher};
+use super::{Embedded, change_log, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
 use crate::saturate::to_i64;
@@ -89,20 +90,21 @@ impl Embedded {
         let (mut page, mut bytes) = (ChangePage { changes: Vec::new(), until: behind }, 0);
         while page.changes.len() < most && bytes < PAGE_BYTES {
             let Some(row) = rows.next().map_err(|e| self.explain(&e))? else { break };
-            let read = || Ok((feed::change(row)?, feed::names(row)?));
-            let ((sequence, change), names) = read().map_err(|error| self.explain_page(&pattern, error))?;
+            let logged = feed::logged(row).map_err(|error| self.explain_page(&pattern, error))?;
+            let Logged { sequence, change, names } = logged;
             let named = || Ok(Namespace { database: row.get(5)?, collection: row.get(6)? });
             bytes +=
                 [&change.before, &change.after].into_iter().flatten().map(|raw| raw.as_bytes().len()).sum::<usize>();
             page.until = sequence;
             let ns = named().map_err(|e| self.explain(&e))?;
-            match names {
-                // Where both names are followed, it is reported once.
-                Some(names) if matches!(scope, Scope::Collection(_)) || is_named(&names, "from", &ns) => {
-                    page.changes.push((ns, Change { kind: ChangeKind::Rename, after: Some(names), ..change }));
-                }
-                Some(_) => {}
-                None => page.changes.push((ns, change)),
+            let Some(names) = names else {
+                page.changes.push((ns, change));
+                continue;
+            };
+            // Where both names are followed, it is reported once.
+            let is_old_name = names.get_str("from").is_ok_and(|from| from == ns.collection);
+            if is_old_name || matches!(scope, Scope::Collection(_)) {
+                page.changes.push((ns, Change { kind: ChangeKind::Rename, after: Some(names), ..change }));
             }
         }
         // Collections that rmem keeps for itself are not reported.
@@ -187,11 +189,6 @@ fn scope(database: String, collection: String) -> Scope {
 fn name(scope: &Scope) -> String {
     let Namespace { database, collection } = pattern(scope);
     format!("{}{database}.{collection}", change_log::PREFIX)
-}
-
-/// Whether a field of the names of a rename has that of the collection.
-fn is_named(names: &RawDocument, field: &str, ns: &Namespace) -> bool {
-    names.get_str(field).is_ok_and(|name| name == ns.collection)
 }
 
 #[cfg(test)]
