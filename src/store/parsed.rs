@@ -7,7 +7,7 @@ use bson::DateTime;
 use super::key_options::keep_record_id;
 use super::{Documents, Find, StoreError};
 use crate::query::text::{self, asks_for_score};
-use crate::query::{Filter, Projection, QueryError, Sort, Spill, constants};
+use crate::query::{Filter, Projection, QueryError, Sort, Spill, check_positional, constants};
 
 /// The parts of a query.
 pub(crate) struct Parsed {
@@ -37,6 +37,7 @@ impl Parsed {
             true => None,
             false => Some(Projection::parse_with(&find.projection, &constants)?),
         };
+        check_positional(&find.filter, &find.projection)?;
         // Keys are returned as they are.
         let projection = projection.filter(|_| !find.keys.return_key);
         let is_scored = asks_for_score(&find.projection) || asks_for_score(&find.sort);

@@ -5,6 +5,7 @@
 //! arrays of documents; a comparison is between values of one type only; null
 //! equals missing; a negation holds where its opposite holds for no value.
 
+mod allowed;
 mod bits;
 mod operators;
 mod parse;
@@ -23,6 +24,7 @@ use super::expression::{Scope, Variables};
 use super::geo::Near;
 use super::text::TextIndex;
 use super::view::Fields;
+pub use allowed::{check_positional, check_upsert};
 pub(super) use parse::Parser;
 use prefilter::Prefilter;
 pub(super) use test::{Leaf, Order, Set, Test};

@@ -5,10 +5,11 @@ use bson::{Bson, Document};
 use crate::query::compare::equal_values as equal;
 use crate::query::dollar::is_operators;
 use crate::query::error::{QueryError, Result};
+use crate::query::filter::check_upsert;
 
 /// Returns a document of the filter's equalities.
 pub(super) fn equalities(filter: &Document, only_id: bool) -> Result<Document> {
-    check_no_expression(filter, 0)?;
+    check_upsert(filter)?;
     let mut found = Vec::new();
     if is_never_true(filter) {
         return Ok(Document::new());
@@ -46,28 +47,6 @@ fn is_never_true(filter: &Document) -> bool {
         }
         _ => false,
     })
-}
-
-/// `$expr` says nothing about fields, and MongoDB refuses it wherever it stands.
-fn check_no_expression(filter: &Document, depth: usize) -> Result<()> {
-    if depth > 100 {
-        return Err(QueryError::bad_value("the filter is nested too deeply"));
-    }
-    for (name, value) in filter {
-        match (name.as_str(), value) {
-            ("$expr", _) => {
-                let message = "$expr is not allowed in the query predicate for an upsert";
-                return Err(QueryError::invalid(224, message).about(name));
-            }
-            ("$and" | "$or" | "$nor", Bson::Array(items)) => {
-                for item in items.iter().filter_map(Bson::as_document) {
-                    check_no_expression(item, depth + 1)?;
-                }
-            }
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 fn collect(filter: &Document, found: &mut Vec<(String, Bson)>, depth: usize) -> Result<()> {

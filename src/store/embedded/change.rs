@@ -13,7 +13,7 @@ use super::keys::Keys;
 use super::scan::Found;
 use super::slices::Selection;
 use super::{Embedded, body as stored, failure};
-use crate::query::{Filter, QueryError, Update, constants, key};
+use crate::query::{Filter, QueryError, Update, check_upsert, constants, key};
 use crate::store::{
     ChangeKind, Namespace, Put, Query, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
 };
@@ -31,6 +31,9 @@ impl Embedded {
     ) -> Result<Updated, StoreError> {
         let constants = constants(&request.modifiers.variables)?;
         let change = Change::parse(request, timestamp, &constants)?;
+        if request.upsert {
+            check_upsert(&request.filter)?;
+        }
         self.bind_search(ns, &change.filter)?;
         // The scan may simplify its own filter.
         let mut filter = Arc::new(Filter::parse_with_constants(&request.filter, &constants)?);

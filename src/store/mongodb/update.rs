@@ -19,7 +19,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use super::dates::{add_field, inserted, path};
 use super::{MongoDb, single_step};
 use crate::interrupt::stops_work;
-use crate::query::{Filter, QueryError, Update};
+use crate::query::{Filter, QueryError, Update, check_upsert};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
 use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
@@ -40,6 +40,9 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         metadata::check_update(&request.update)?;
+        if request.upsert {
+            check_upsert(&request.filter)?;
+        }
         let done = match self.in_one_request(ns, request, at)? {
             Some(done) => done,
             None => self.update_what_is_read(ns, request, at)?,
