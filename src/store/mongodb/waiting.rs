@@ -64,7 +64,8 @@ impl MongoDb {
                 return Some(doc! { "code": code, "errmsg": self.explain(&error).to_string() });
             }
         };
-        let after = before.election.and_then(|_| answer.get_object_id("electionId").ok());
+        // `rmem serve` says it in no answer.
+        let after = before.election.and_then(|known| answer.get_object_id("electionId").ok().or(Some(known)));
         self.write_policy.learn(Member { election: after, ..before });
         match answer.get_document("writeConcernError") {
             Ok(error) => Some(error.clone()),
