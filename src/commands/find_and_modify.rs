@@ -1,6 +1,6 @@
 //! `rmem find-and-modify NS QUERY (UPDATE | --remove)`: one document, found and changed in one step.
 
-use bson::RawDocumentBuf;
+use bson::Document;
 use clap::Args;
 
 use super::query::{argument, blame, fields, filter_of, owned};
@@ -9,8 +9,7 @@ use super::{Context, formats, missing};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::Source;
-use crate::memory::modify::Modification;
-use crate::store::{Namespace, metadata};
+use crate::store::{FindAndModify, Modification, Modifiers, Namespace};
 
 /// What stands below the help of `find-and-modify`.
 const HELP: &str = "\
@@ -61,21 +60,29 @@ pub struct FindAndModifyArgs {
 pub(super) fn run(args: &FindAndModifyArgs, context: &mut Context<'_>) -> Result<Exit> {
     let filter = filter_of(&args.namespace, &args.query)?;
     let sort = args.sort.as_deref().map(|text| fields("<sort>", "--sort ", text)).transpose()?.unwrap_or_default();
-    let modification = modification(args)?;
+    let request = FindAndModify {
+        filter,
+        sort,
+        modification: modification(args)?,
+        new: args.new,
+        projection: Document::new(),
+        modifiers: Modifiers::default(),
+    };
     let memory = context.memory()?;
     let texts = [
         ("<update>", args.update.as_deref().unwrap_or_default()),
         ("<query>", args.query.as_str()),
         ("<sort>", args.sort.as_deref().unwrap_or_default()),
     ];
-    let modified = memory.find_and_modify(&args.namespace, &filter, &sort, &modification);
-    let modified = modified.map_err(|error| blame(error, &texts))?;
-    let is_found = modified.before.is_some() || modified.after.is_some();
-    if let Some(document) = if args.new { modified.after } else { modified.before } {
-        let shown: RawDocumentBuf = if args.meta { document } else { metadata::hide(document)? };
-        context.print_document(owned(shown)?)?;
+    let modified = match args.meta {
+        true => memory.find_and_modify_with_metadata(&args.namespace, &request),
+        false => memory.find_and_modify(&args.namespace, &request),
     }
-    if !is_found {
+    .map_err(|error| blame(error, &texts))?;
+    if let Some(document) = modified.document {
+        context.print_document(owned(document)?)?;
+    }
+    if !modified.is_found && modified.upserted.is_none() {
         if !missing::warn(&args.namespace, &memory, context) {
             context.output.note("no document matches");
         }

@@ -49,11 +49,15 @@ pub(in crate::memory) fn in_find(find: &Find) -> Cow<'_, Find> {
     if find.projection.is_empty() {
         return Cow::Borrowed(find);
     }
-    let projection = match names(&find.projection) {
-        true => find.projection.clone(),
-        false => find.projection.iter().map(|(key, value)| (key.clone(), in_field(value))).collect(),
-    };
-    Cow::Owned(Find { projection, ..find.clone() })
+    Cow::Owned(Find { projection: in_projection(&find.projection), ..find.clone() })
+}
+
+/// Returns a projection that does not see the metadata.
+pub(in crate::memory) fn in_projection(projection: &Document) -> Document {
+    match names(projection) {
+        true => projection.clone(),
+        false => projection.iter().map(|(key, value)| (key.clone(), in_field(value))).collect(),
+    }
 }
 
 /// The value of a field in a projection; `$elemMatch` is a filter, and its strings are values.

@@ -8,14 +8,13 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, doc};
 
 use super::Memory;
-use super::modify::Modification;
 use crate::formats::visible;
 use crate::query::QueryError;
 use crate::saturate::to_i64;
-use crate::store::{Find, Namespace, StoreError, UpdateRequest, UpdateSpec, metadata};
+use crate::store::{Find, FindAndModify, Modification, Modifiers, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 /// How long a waiting process sleeps at first …
 const MIN_BACKOFF: Duration = Duration::from_millis(5);
@@ -88,15 +87,11 @@ impl Mutex {
     /// Where the store fails.
     pub fn force(&self, memory: &Memory, ttl: Option<Duration>) -> Result<(Option<Holder>, Document), StoreError> {
         self.create(memory)?;
-        let sort = Document::new();
-        let change = Modification::Update { update: self.taken(ttl), array_filters: Vec::new(), upsert: false };
-        let modified = memory.find_and_modify(&self.namespace, &doc! { "_id": &self.name }, &sort, &change)?;
-        let decode = |raw: RawDocumentBuf| Document::try_from(&*metadata::hide(raw)?).map_err(QueryError::from);
-        let before = modified.before.map(decode).transpose()?.unwrap_or_default();
+        let taking = modification(doc! { "_id": &self.name }, self.taken(ttl));
+        let before = modified(memory, &self.namespace, &taking)?.unwrap_or_default();
         let is_others =
             before.get_bool("locked").unwrap_or(false) && before.get_str("locked-by").ok() != Some(self.owner.as_str());
-        let after = modified.after.map(decode).transpose()?.unwrap_or_default();
-        Ok((is_others.then(|| Holder::of(&before)), after))
+        Ok((is_others.then(|| Holder::of(&before)), self.read(memory)?.unwrap_or_default()))
     }
 
     /// Tries to lock until it is done or `timeout` is over.
@@ -224,11 +219,10 @@ pub fn release_expired(
     if let Some(name) = name {
         filter.insert("_id", name);
     }
-    let change = Modification::Update { update: free(), array_filters: Vec::new(), upsert: false };
+    let releasing = FindAndModify { sort: doc! { "_id": 1 }, ..modification(filter, free()) };
     let mut released = Vec::new();
     // One after another, so that a lock that its owner renews meanwhile stays.
-    while let Some(before) = memory.find_and_modify(namespace, &filter, &doc! { "_id": 1 }, &change)?.before {
-        let before = Document::try_from(&*before).map_err(QueryError::from)?;
+    while let Some(before) = modified(memory, namespace, &releasing)? {
         released.push((before.get("_id").cloned().unwrap_or(Bson::Null), Holder::of(&before)));
     }
     Ok(released)
@@ -244,6 +238,24 @@ fn free() -> UpdateSpec {
     UpdateSpec::Document(
         doc! { "$set": { "locked": false }, "$unset": { "locked-by": 1, "lock-time": 1, "lock-until": 1 } },
     )
+}
+
+fn modification(filter: Document, update: UpdateSpec) -> FindAndModify {
+    let modification = Modification::Update { update, array_filters: Vec::new(), upsert: false };
+    FindAndModify {
+        filter,
+        sort: Document::new(),
+        modification,
+        new: false,
+        projection: Document::new(),
+        modifiers: Modifiers::default(),
+    }
+}
+
+/// The mutex that was changed, as it was.
+fn modified(memory: &Memory, namespace: &Namespace, change: &FindAndModify) -> Result<Option<Document>, StoreError> {
+    let found = memory.find_and_modify(namespace, change)?.document;
+    Ok(found.map(|raw| Document::try_from(&*raw)).transpose().map_err(QueryError::from)?)
 }
 
 fn request(filter: Document, update: UpdateSpec, upsert: bool) -> UpdateRequest {

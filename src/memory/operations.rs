@@ -153,7 +153,7 @@ impl Memory {
     /// fields, and pass over it.
     pub(crate) fn find_to_hide(&self, ns: &Namespace, find: &Find) -> Result<(Documents<'_>, bool), StoreError> {
         let documents = self.find_with_metadata(ns, &hidden_metadata::in_find(find))?;
-        Ok((documents, !find.projection.keys().any(|key| is_metadata(key))))
+        Ok((documents, has_hidden(&find.projection)))
     }
 
     /// Answers a query with documents and their metadata.
@@ -209,13 +209,6 @@ impl Memory {
         let find = find.with_filter(stored(self.clock.now(), &find.filter));
         let found = self.journal.watch("find", ns, start, self.routes.reading(ns)?.find(ns, &find)?);
         Ok(self.journal.counted(found))
-    }
-
-    /// The same documents without metadata, unless the projection names some.
-    pub fn stored_without_metadata(&self, ns: &Namespace, find: &Find) -> Result<Documents<'_>, StoreError> {
-        let documents = self.stored(ns, &hidden_metadata::in_find(find))?;
-        let has_hidden = !find.projection.keys().any(|key| is_metadata(key));
-        Ok(if has_hidden { without_metadata(documents) } else { documents })
     }
 
     /// Counts the matches of [`Memory::stored`].
@@ -512,7 +505,7 @@ fn writing_stage(stages: &[Document]) -> Option<&str> {
 }
 
 /// The filter, for stored documents that have not decayed.
-fn stored(now: DateTime, filter: &Document) -> Document {
+pub(super) fn stored(now: DateTime, filter: &Document) -> Document {
     let stored = doc! { metadata::info_path("computed"): { "$ne": true } };
     let filter = if filter.is_empty() {
         stored
@@ -524,6 +517,11 @@ fn stored(now: DateTime, filter: &Document) -> Document {
 
 fn length<T>(items: &[T]) -> u64 {
     u64::try_from(items.len()).unwrap_or(u64::MAX)
+}
+
+/// Whether the metadata of documents that are found is hidden: a projection that names some asks for it.
+pub(super) fn has_hidden(projection: &Document) -> bool {
+    !projection.keys().any(|path| is_metadata(path))
 }
 
 /// Whether a dotted path leads into the metadata.

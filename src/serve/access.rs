@@ -10,7 +10,8 @@ use bson::{Bson, Document};
 
 use crate::memory::Memory;
 use crate::store::{
-    Aggregation, Documents, Find, Inserted, Namespace, Query, Store, StoreError, UpdateRequest, Updated,
+    Aggregation, Documents, Find, FindAndModify, Inserted, Modified, Namespace, Query, Store, StoreError,
+    UpdateRequest, Updated,
 };
 
 /// The collection, in each database, of what writes were answered; no client lists it.
@@ -49,15 +50,6 @@ impl<'m> Access<'m> {
             (Some(store), _) => store.find(ns, find),
             (None, Metadata::Shown) => self.memory.find_with_metadata(ns, find),
             (None, _) => self.memory.find(ns, find),
-        }
-    }
-
-    /// Answers a query with documents that can be changed: none that were computed.
-    pub(super) fn stored(self, ns: &Namespace, find: &Find) -> Result<Documents<'m>, StoreError> {
-        match (self.store(ns)?, self.metadata) {
-            (Some(store), _) => store.find(ns, find),
-            (None, Metadata::Shown) => self.memory.stored(ns, find),
-            (None, _) => self.memory.stored_without_metadata(ns, find),
         }
     }
 
@@ -101,6 +93,17 @@ impl<'m> Access<'m> {
                 store.update(ns, update, None)
             }
             None => self.memory.update(ns, update),
+        }
+    }
+
+    pub(super) fn find_and_modify(self, ns: &Namespace, request: &FindAndModify) -> Result<Modified, StoreError> {
+        match (self.store(ns)?, self.metadata) {
+            (Some(store), _) => {
+                self.memory.check_kept_modification(ns, request)?;
+                store.find_and_modify(ns, request, None)
+            }
+            (None, Metadata::Shown) => self.memory.find_and_modify_with_metadata(ns, request),
+            (None, _) => self.memory.find_and_modify(ns, request),
         }
     }
 

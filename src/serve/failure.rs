@@ -25,7 +25,6 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_INDEX: i32 = 27;
     pub(in crate::serve) const NO_CURSOR: i32 = 43;
     pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
-    pub(in crate::serve) const DOLLAR_PREFIXED: i32 = 52;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
     pub(in crate::serve) const IMMUTABLE: i32 = 66;
     pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;

@@ -12,6 +12,7 @@ pub mod mongodb;
 pub(crate) mod document;
 mod error;
 mod file_identity;
+mod find_and_modify;
 pub mod history;
 pub mod index;
 mod key_options;
@@ -32,6 +33,7 @@ pub use document::{MAX_DEPTH, MAX_SIZE};
 pub use embedded::Embedded;
 pub use error::StoreError;
 pub(crate) use file_identity::FileIdentity;
+pub use find_and_modify::{FindAndModify, Modification, Modified};
 pub use history::{Entry, History, HistoryRule};
 pub use index::{Index, IndexChange};
 pub use key_options::KeyOptions;
@@ -119,6 +121,17 @@ pub trait Store: Send {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError>;
+
+    /// Finds the first match in the order of the sort, changes or removes it, and returns it. No other client changes it in
+    /// between. The metadata is as with [`Store::update`].
+    fn find_and_modify(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        timestamp: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        find_and_modify::in_one_step(self, ns, request, timestamp)
+    }
 
     /// Stores documents, each in place of the one with its `_id` where there is
     /// one, those without an `_id` under a new one; the metadata is as with

@@ -10,8 +10,8 @@ use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::query::Collation;
 use rmem::store::{
-    Aggregation, Embedded, Find, HistoryRule, Index, IndexChange, Inserted, Modifiers, Namespace, Query, Scope, Store,
-    StoreError, UpdateRequest, UpdateSpec, Updated,
+    Aggregation, Embedded, Find, FindAndModify, HistoryRule, Index, IndexChange, Inserted, Modification, Modified,
+    Modifiers, Namespace, Query, Scope, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 type Case = fn(&dyn Store, &Namespace);
@@ -59,6 +59,7 @@ const CASES: &[(&str, Case)] = cases![
     empty_timestamps_at_the_top_become_the_time,
     an_upsert_inserts_what_filter_and_update_say,
     an_upsert_that_matches_updates,
+    an_expression_goes_with_no_upsert_and_no_positional_projection,
     modifiers_apply_to_every_operation,
     a_collection_has_a_collation_that_everything_inherits,
     slopes_and_areas_have_the_types_of_what_they_are_made_of,
@@ -69,6 +70,8 @@ const CASES: &[(&str, Case)] = cases![
     a_stamped_update_compares_values_and_their_types,
     what_the_memory_notes_cannot_be_changed,
     a_pipeline_cannot_lose_when_a_document_was_inserted,
+    the_first_match_is_changed_and_returned,
+    the_metadata_that_is_returned_is_that_of_the_change,
     putting_replaces_by_id,
     deleting_the_first_leaves_the_others,
     deleting_all_counts_them,
@@ -582,6 +585,22 @@ fn an_upsert_that_matches_updates(store: &dyn Store, ns: &Namespace) {
     assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 1);
 }
 
+fn an_expression_goes_with_no_upsert_and_no_positional_projection(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "l": [1] }]);
+    for filter in
+        [doc! { "$expr": { "$eq": ["$_id", 1] } }, doc! { "$and": [{ "l": 1 }, { "$nor": [{ "$expr": false }] }] }]
+    {
+        for spec in [doc! { "$set": { "a": 1 } }, doc! { "$mul": { "a": 2 } }] {
+            let request = UpdateRequest { upsert: true, ..update(filter.clone(), spec) };
+            assert_eq!(code(store.update(ns, &request, None)), 224, "{filter}");
+            assert_eq!(code(store.update(ns, &request, Some(instant(1)))), 224, "{filter}");
+        }
+        let shown = Find { filter: filter.clone(), projection: doc! { "l.$": 1 }, ..Find::default() };
+        let read = store.find(ns, &shown).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+        assert_eq!(code(read), 224, "{filter}");
+    }
+}
+
 fn modifiers_apply_to_every_operation(store: &dyn Store, ns: &Namespace) {
     let Ok(collation) = Collation::parse(&doc! { "locale": "en", "strength": 2 }) else {
         return; // This build has no collations.
@@ -902,6 +921,114 @@ fn a_pipeline_cannot_lose_when_a_document_was_inserted(store: &dyn Store, ns: &N
             assert_eq!(ids(store, ns, doc! { "_robmem_info.inserted": instant(n) }), [n as i32], "{stage}");
         }
     }
+}
+
+/// The first by `n`, changed in this way.
+fn first(update: Document) -> FindAndModify {
+    let update = UpdateSpec::Document(update);
+    FindAndModify {
+        filter: doc! {},
+        sort: doc! { "n": 1 },
+        modification: Modification::Update { update, array_filters: Vec::new(), upsert: false },
+        new: true,
+        projection: doc! { "_robmem_info": 0 },
+        modifiers: Modifiers::default(),
+    }
+}
+
+/// What is found and modified, with the document decoded.
+fn modified(
+    store: &dyn Store,
+    ns: &Namespace,
+    request: &FindAndModify,
+) -> (Option<Document>, bool, bool, Option<Bson>) {
+    let Modified { document, is_found, is_changed, upserted } =
+        store.find_and_modify(ns, request, Some(instant(9))).unwrap();
+    (document.map(|raw| Document::try_from(&*raw).unwrap()), is_found, is_changed, upserted)
+}
+
+fn the_first_match_is_changed_and_returned(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "n": 2, "l": [1, 2] }, doc! { "_id": 2, "n": 1, "l": [3] }]);
+    let done = |request: &FindAndModify| modified(store, ns, request);
+    let found = |document: Document, is_changed| (Some(document), true, is_changed, None);
+    // By one request: what surely changes, and what the server compares.
+    assert_eq!(done(&first(doc! { "$inc": { "n": 4 } })), found(doc! { "_id": 2, "n": 5, "l": [3] }, true));
+    let before = FindAndModify { new: false, projection: doc! { "n": 1 }, ..first(doc! { "$set": { "n": 3 } }) };
+    assert_eq!(done(&before), found(doc! { "_id": 1, "n": 2 }, true));
+    assert_eq!(done(&first(doc! { "$set": { "n": 3 } })), found(doc! { "_id": 1, "n": 3, "l": [1, 2] }, false));
+    // The type of a value counts.
+    assert_eq!(done(&first(doc! { "$set": { "n": 3.0 } })), found(doc! { "_id": 1, "n": 3.0, "l": [1, 2] }, true));
+    // What depends on the document.
+    let positional =
+        FindAndModify { filter: doc! { "l": 2 }, ..first(doc! { "$set": { "l.$": 8 }, "$unset": { "x": "" } }) };
+    assert_eq!(done(&positional), found(doc! { "_id": 1, "n": 3.0, "l": [1, 8] }, true));
+    let removing = first(doc! { "$pull": { "l": 4 } });
+    assert_eq!(done(&removing), found(doc! { "_id": 1, "n": 3.0, "l": [1, 8] }, false));
+    let replaced = FindAndModify { projection: doc! { "n": 1, "_id": 0 }, ..first(doc! { "n": 4 }) };
+    assert_eq!(done(&replaced), found(doc! { "n": 4 }, true));
+    let collation = Some(Collation::parse(&doc! { "locale": "en", "strength": 1 }).unwrap());
+    let folded = FindAndModify {
+        filter: doc! { "s": { "$ne": "x" } },
+        modifiers: Modifiers { collation, ..Modifiers::default() },
+        ..first(doc! { "$addToSet": { "l": 3 }, "$unset": { "n": 1 } })
+    };
+    assert_eq!(done(&folded), found(doc! { "_id": 1, "l": [3] }, true));
+    let remove = FindAndModify { new: false, modification: Modification::Remove, ..first(doc! {}) };
+    assert_eq!(done(&remove), found(doc! { "_id": 1, "l": [3] }, true));
+    let shown = |new| FindAndModify {
+        filter: doc! { "l": 8 },
+        projection: doc! { "l.$": 1 },
+        new,
+        ..first(doc! { "$set": { "l": [8, 9] } })
+    };
+    assert_eq!(code(store.find_and_modify(ns, &shown(true), Some(instant(9)))), 2);
+    // Where nothing matches, a wrong update is still refused.
+    let none = FindAndModify { filter: doc! { "n": 99 }, ..first(doc! { "$inc": { "n": 1 } }) };
+    assert_eq!(done(&none), (None, false, false, None));
+    let wrong = FindAndModify { filter: doc! { "n": 99 }, ..first(doc! { "$nothing": { "n": 1 } }) };
+    assert_eq!(code(store.find_and_modify(ns, &wrong, Some(instant(9)))), 9);
+    let update = UpdateSpec::Document(doc! { "$inc": { "m": 1 } });
+    let upsert = Modification::Update { update, array_filters: Vec::new(), upsert: true };
+    let upsert = FindAndModify { filter: doc! { "_id": 7 }, modification: upsert, ..first(doc! {}) };
+    assert_eq!(done(&upsert), (Some(doc! { "_id": 7, "m": 1 }), false, true, Some(7.into())));
+    let again = FindAndModify { new: false, ..upsert };
+    assert_eq!(done(&again), found(doc! { "_id": 7, "m": 1 }, true));
+    assert_eq!(store.count(ns, (&doc! { "_id": 7, "m": 2 }).into()).unwrap(), 1);
+}
+
+fn the_metadata_that_is_returned_is_that_of_the_change(store: &dyn Store, ns: &Namespace) {
+    let old = doc! { "inserted": instant(1), "updated": instant(2) };
+    let shown = |request: FindAndModify| {
+        let request = FindAndModify { projection: doc! { "_robmem_info": 1, "_id": 0 }, ..request };
+        let document = modified(store, ns, &request).0.unwrap();
+        document.get_document("_robmem_info").unwrap().clone()
+    };
+    let new = doc! { "inserted": instant(1), "updated": instant(9) };
+    let updates = [
+        doc! { "$inc": { "n": 4 } },
+        doc! { "$set": { "n": 3 } },
+        doc! { "$set": { "l.0": 3 } },
+        doc! { "$mul": { "n": 2 } },
+        doc! { "n": 7 },
+    ];
+    for update in updates {
+        store.delete(ns, (&doc! {}).into(), false).unwrap();
+        insert(store, ns, [doc! { "_id": 1, "n": 2, "l": [1], "_robmem_info": old.clone() }]);
+        let is_new = |new| FindAndModify { new, ..first(update.clone()) };
+        assert_eq!(shown(is_new(false)), old, "{update}");
+        store.delete(ns, (&doc! {}).into(), false).unwrap();
+        insert(store, ns, [doc! { "_id": 1, "n": 2, "l": [1], "_robmem_info": old.clone() }]);
+        assert_eq!(shown(is_new(true)), new, "{update}");
+    }
+    for same in [doc! { "$set": { "n": 7 } }, doc! { "$mul": { "n": 1 } }, doc! { "$unset": { "x": "" } }] {
+        store.delete(ns, (&doc! {}).into(), false).unwrap();
+        insert(store, ns, [doc! { "_id": 1, "n": 7, "_robmem_info": old.clone() }]);
+        assert_eq!(shown(first(same.clone())), old, "{same}");
+    }
+    let update = UpdateSpec::Document(doc! { "$inc": { "m": 1 } });
+    let upsert = Modification::Update { update, array_filters: Vec::new(), upsert: true };
+    let upsert = FindAndModify { filter: doc! { "_id": 7 }, modification: upsert, ..first(doc! {}) };
+    assert_eq!(shown(upsert), doc! { "inserted": instant(9), "updated": instant(9) });
 }
 
 fn putting_replaces_by_id(store: &dyn Store, ns: &Namespace) {

@@ -12,8 +12,9 @@ use rmem::memory::dump::read::Dump;
 use rmem::memory::dump::restore::{RestoreOptions, restore};
 use rmem::memory::dump::write;
 use rmem::memory::lock::{Mutex, Tried};
-use rmem::memory::modify::Modification;
-use rmem::store::{Embedded, Find, Namespace, StoreUri, UpdateRequest, UpdateSpec};
+use rmem::store::{
+    Embedded, Find, FindAndModify, Modification, Modifiers, Namespace, StoreUri, UpdateRequest, UpdateSpec,
+};
 
 type Case = fn(&str) -> Result<(), Failed>;
 
@@ -76,10 +77,16 @@ fn counted(uri: &str) -> Result<(), Failed> {
     let count = || -> Result<Vec<i32>, Failed> {
         let memory = memory(uri)?;
         let update = UpdateSpec::Document(doc! { "$inc": { "n": 1 } });
-        let change = Modification::Update { update, array_filters: Vec::new(), upsert: true };
+        let change = FindAndModify {
+            filter: doc! { "_id": "n" },
+            sort: doc! {},
+            modification: Modification::Update { update, array_filters: Vec::new(), upsert: true },
+            new: true,
+            projection: doc! {},
+            modifiers: Modifiers::default(),
+        };
         let next = |_| {
-            let modified = memory.find_and_modify(&ns, &doc! { "_id": "n" }, &doc! {}, &change)?;
-            let after = modified.after.ok_or("nothing was changed")?;
+            let after = memory.find_and_modify(&ns, &change)?.document.ok_or("nothing was changed")?;
             Ok(after.get_i32("n")?)
         };
         (0..ROUNDS).map(next).collect()

@@ -7,9 +7,8 @@ use super::record::COLLECTION;
 use super::registry::Registry;
 use crate::formats::shell;
 use crate::memory::Memory;
-use crate::memory::modify::compiled;
-use crate::query::{Filter, QueryError};
-use crate::store::{Find, Namespace, StoreError, UpdateRequest};
+use crate::query::{Filter, QueryError, Update};
+use crate::store::{Find, FindAndModify, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 impl Memory {
     /// Refuses documents that are no computables where only these are kept.
@@ -26,7 +25,10 @@ impl Memory {
             return Ok(());
         }
         let now = self.clock.now();
-        let update = compiled(&request.update, &request.array_filters)?;
+        let update = match &request.update {
+            UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
+            UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
+        }?;
         let filter = Filter::parse(&request.filter)?;
         let find = Find { filter: request.filter.clone(), ..Find::default() };
         let mut is_matched = false;
@@ -40,6 +42,11 @@ impl Memory {
             check(ns, &Document::try_from(&*update.upsert(&request.filter, now)?).map_err(QueryError::from)?)?;
         }
         Ok(())
+    }
+
+    /// The same of the document that is found and changed, by what is asked of all that match.
+    pub(crate) fn check_kept_modification(&self, ns: &Namespace, request: &FindAndModify) -> Result<(), StoreError> {
+        request.update_of(request.filter.clone()).map_or(Ok(()), |update| self.check_kept_update(ns, &update))
     }
 
     /// Refuses a collection in the place of one of computables, where it has others.

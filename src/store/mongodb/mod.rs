@@ -6,10 +6,12 @@
 
 pub mod admin;
 
+mod action;
 mod client;
 mod dates;
 mod explain;
 mod failure;
+mod find_and_modify;
 mod history;
 mod image;
 mod index;

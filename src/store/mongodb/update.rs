@@ -22,7 +22,7 @@ use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update, check_upsert};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
-use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
+use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated, find_and_modify};
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
@@ -30,7 +30,7 @@ const CHUNK: usize = 1_000;
 const ATTEMPTS: usize = 16;
 
 /// The documents of a chunk as they were, by `_id`.
-type Before = Vec<(Bson, RawDocumentBuf)>;
+pub(super) type Before = Vec<(Bson, RawDocumentBuf)>;
 
 impl MongoDb {
     pub(super) fn update_with_metadata(
@@ -83,7 +83,7 @@ impl MongoDb {
         let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
         if done.matched == 0 && !request.upsert {
             // An update of nothing is checked by the server, too.
-            self.apply(ns, UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
+            self.apply(ns, UpdateRequest { filter: find_and_modify::none_of(&request.filter), ..request.clone() })?;
         }
         Ok(done)
     }
@@ -240,7 +240,7 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
 
 /// What an update is predicted to do to a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Prediction {
+pub(super) enum Prediction {
     Changes,
     Stays,
     Fails,
@@ -248,7 +248,12 @@ enum Prediction {
 
 /// What an update does to each of the documents; nothing where only the
 /// server can decide, or refuses the update.
-fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: DateTime) -> Option<Vec<Prediction>> {
+pub(super) fn predict(
+    plain: &UpdateSpec,
+    request: &UpdateRequest,
+    before: &Before,
+    at: DateTime,
+) -> Option<Vec<Prediction>> {
     if !request.modifiers.is_empty() {
         return None;
     }
@@ -267,7 +272,7 @@ fn predict(plain: &UpdateSpec, request: &UpdateRequest, before: &Before, at: Dat
 }
 
 /// The update with a timestamp, for documents that it changes.
-fn with_updated(plain: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
+pub(super) fn with_updated(plain: &UpdateSpec, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match plain {
         UpdateSpec::Document(document) if is_replacement(document) => {
             let mut document = document.clone();
@@ -300,11 +305,6 @@ fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError
         .collect()
 }
 
-/// A filter that matches nothing and contains another, so that the server checks it.
-fn none_of(filter: &Document) -> Document {
-    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
-}
-
 /// Whether an update is a replacement document: one without operators.
 pub(super) fn is_replacement(document: &Document) -> bool {
     !document.keys().next().is_some_and(|key| key.starts_with('$'))
@@ -318,7 +318,7 @@ fn makes_new_documents(update: &UpdateSpec) -> bool {
 }
 
 /// The update without a new timestamp, and with those that there were.
-fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
+pub(super) fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTime) -> Result<UpdateSpec, QueryError> {
     match (update, before.as_slice()) {
         (UpdateSpec::Document(document), [(id, old)]) if is_replacement(document) => {
             let old = dates(old)?;

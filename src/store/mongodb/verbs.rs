@@ -7,6 +7,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
+use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
 use super::update::is_replacement;
 use super::visible::{behind_expression, for_server, in_stages};
@@ -18,52 +19,10 @@ use crate::store::metadata;
 use crate::store::namespace::is_internal;
 use crate::store::validation::Bypassing;
 use crate::store::{
-    Aggregation, Changes, Documents, Find, Hint, History, HistoryRule, Index, IndexChange, Inserted, Modifiers, Name,
-    Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec, Updated, Validation, Values, WriteConcern,
+    Aggregation, Changes, Documents, Find, FindAndModify, History, HistoryRule, Index, IndexChange, Inserted,
+    Modification, Modified, Modifiers, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec,
+    Updated, Validation, Values, WriteConcern,
 };
-
-/// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
-/// the same names, and no trait.
-macro_rules! modified {
-    ($action:expr, $modifiers:expr, $($kind:ident)+) => {{
-        let (mut action, modifiers): (_, &Modifiers) = ($action, $modifiers);
-        $(modified!(@$kind action, modifiers);)+
-        action
-    }};
-    (@collation $action:ident, $modifiers:ident) => {
-        if let Some(collation) = &$modifiers.collation {
-            $action = $action.collation(of_driver(collation)?);
-        }
-    };
-    (@variables $action:ident, $modifiers:ident) => {
-        if !$modifiers.variables.is_empty() {
-            $action = $action.let_vars($modifiers.variables.clone());
-        }
-    };
-    // What is left of the time that the operation may take; zero would be no limit.
-    (@time $action:ident, $modifiers:ident) => {
-        if let Some(left) = crate::deadline::left() {
-            $action = $action.max_time(left.max(std::time::Duration::from_millis(1)));
-        }
-    };
-    (@hint $action:ident, $modifiers:ident) => {
-        if let Some(hint) = &$modifiers.hint {
-            $action = $action.hint(hint_of_driver(hint));
-        }
-    };
-}
-
-/// An action of the driver that stores documents also where they do not pass the validator of their collection, where the
-/// store does so at present.
-macro_rules! bypassing {
-    ($store:expr, $action:expr) => {{
-        let mut action = $action;
-        if $store.is_bypassing.get() {
-            action = action.bypass_document_validation(true);
-        }
-        action
-    }};
-}
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -159,6 +118,22 @@ impl Store for MongoDb {
         let made =
             |done: Result<&Updated, &StoreError>| Made::dated(done.map_or_else(changed_before, count), timestamp);
         self.recorded(ns, made, || self.change(ns, update, timestamp))
+    }
+
+    fn find_and_modify(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        timestamp: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        let made = |done: Result<&Modified, &StoreError>| {
+            let count = done.map_or(0, |done| u64::from(done.is_changed));
+            match request.modification {
+                Modification::Remove => Made::removals(count),
+                Modification::Update { .. } => Made::dated(count, timestamp),
+            }
+        };
+        self.recorded(ns, made, || self.modify_first(ns, request, timestamp))
     }
 
     fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
@@ -319,20 +294,6 @@ fn changed_before(error: &StoreError) -> u64 {
     }
 }
 
-/// A collation as the driver takes it.
-fn of_driver(collation: &Collation) -> Result<mongodb::options::Collation, QueryError> {
-    Ok(bson::deserialize_from_document(collation.definition().clone())?)
-}
-
-/// A hint as the driver takes it.
-fn hint_of_driver(hint: &Hint) -> mongodb::options::Hint {
-    match hint.to_bson() {
-        Bson::String(name) => mongodb::options::Hint::Name(name),
-        Bson::Document(keys) => mongodb::options::Hint::Keys(keys),
-        _ => mongodb::options::Hint::Keys(Document::new()),
-    }
-}
-
 /// The documents as they are inserted.
 fn with_metadata(documents: &[Document], timestamp: Option<DateTime>) -> Result<Vec<Document>, QueryError> {
     let mut documents = documents.to_vec();
@@ -434,14 +395,23 @@ impl MongoDb {
             let refusal = "a replacement document cannot be applied to many documents";
             return Err(QueryError::failed_to_parse(refusal).into());
         }
-        match &update.update {
+        self.with_room(ns, &update.update, || match timestamp {
+            Some(at) => self.update_with_metadata(ns, update, at),
+            None => self.apply(ns, update.clone()),
+        })
+    }
+
+    /// Changes documents. Where a key is taken, removes what has decayed and tries again.
+    pub(super) fn with_room<T>(
+        &self,
+        ns: &Namespace,
+        update: &UpdateSpec,
+        change: impl Fn() -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        match update {
             UpdateSpec::Document(document) => self.expect_decay(ns, std::iter::once(document))?,
             UpdateSpec::Pipeline(stages) => self.expect_decay(ns, stages.iter())?,
         }
-        let change = || match timestamp {
-            Some(at) => self.update_with_metadata(ns, update, at),
-            None => self.apply(ns, update.clone()),
-        };
         match change() {
             Err(StoreError::Duplicate { .. }) if self.remove_decayed(ns)? => change(),
             changed => changed,

@@ -17,6 +17,7 @@ type Case = fn(&str) -> Result<(), Failed>;
 /// What is tried in front of the server at a URI.
 pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
+    ("serving::in_front_of_mongod::each_client_takes_another_document", taken),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
     ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
@@ -90,6 +91,38 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     let refusal =
         things.insert_one(doc! { "_id": 9 }).session(&mut session).run().err().ok_or("a transaction was begun")?;
     assert!(refusal.to_string().contains("on a MongoDB server: connect to that"), "{refusal}");
+    database.drop().run()?;
+    Ok(())
+}
+
+fn taken(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 4;
+    const EACH: i32 = 15;
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("taken");
+    database.drop().run()?;
+    let orders = database.collection::<Document>("orders");
+    orders.insert_many((0..CLIENTS * EACH).map(|id| doc! { "_id": id, "state": "open" })).run()?;
+    let take = || -> Result<Vec<i32>, Failed> {
+        let orders = served.client()?.database("taken").collection::<Document>("orders");
+        let next = |_| {
+            let taken = doc! { "$set": { "state": "taken" } };
+            let order = orders.find_one_and_update(doc! { "state": "open" }, taken).sort(doc! { "_id": 1 }).run()?;
+            Ok(order.ok_or("there was no order")?.get_i32("_id")?)
+        };
+        (0..EACH).map(next).collect()
+    };
+    let mut ids = std::thread::scope(|scope| -> Result<Vec<i32>, Failed> {
+        let clients: Vec<_> = (0..CLIENTS).map(|_| scope.spawn(take)).collect();
+        let mut ids = Vec::new();
+        for client in clients {
+            ids.extend(client.join().map_err(|_| "a client failed")??);
+        }
+        Ok(ids)
+    })?;
+    ids.sort_unstable();
+    assert_eq!(ids, (0..CLIENTS * EACH).collect::<Vec<_>>());
     database.drop().run()?;
     Ok(())
 }

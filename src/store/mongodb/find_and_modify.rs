@@ -1,0 +1,285 @@
+//! Finding a document and changing it in one step, by the server's own command.
+//!
+//! As with updates, the metadata is written only where the document changes. Where one request cannot carry it
+//! (`single_step`), the document is read first, and changed if it is still as it was read.
+
+use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use mongodb::options::{ReturnDocument, UpdateModifications};
+
+use super::action::{bypassing, hint_of_driver, modified, of_driver};
+use super::dates::path;
+use super::update::{Prediction, is_replacement, predict, with_updated, without_metadata};
+use super::{MongoDb, failure, single_step};
+use crate::query::{Filter, Projection, QueryError, Update, constants};
+use crate::store::find_and_modify::{id, none_of, same};
+use crate::store::metadata::{self, UPDATED};
+use crate::store::{
+    FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec,
+};
+
+/// How often a document is looked for again after another client changed it.
+const ATTEMPTS: usize = 64;
+
+/// What came of one attempt.
+enum Attempt {
+    Done(Modified),
+    /// Nothing matches.
+    Unmatched,
+    /// Another client changed the document meanwhile.
+    Overtaken,
+}
+
+/// What the server is to do to the first match of a filter, and what to return.
+struct Change<'a> {
+    filter: Document,
+    sort: &'a Document,
+    update: UpdateSpec,
+    array_filters: &'a [Document],
+    modifiers: &'a Modifiers,
+    new: bool,
+    projection: &'a Document,
+}
+
+impl MongoDb {
+    pub(super) fn modify_first(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        at: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        let Modification::Update { update, .. } = &request.modification else { return self.remove_first(ns, request) };
+        self.with_room(ns, update, || self.change_first(ns, request, at))
+    }
+
+    fn remove_first(&self, ns: &Namespace, request: &FindAndModify) -> Result<Modified, StoreError> {
+        let collection = self.collection(ns);
+        let action = collection.find_one_and_delete(request.filter.clone()).sort(request.sort.clone());
+        let action = modified!(action, &request.modifiers, collation variables hint time);
+        let removed = action.projection(request.projection.clone()).run();
+        let document = removed.map_err(|e| failure::explain_change(&self.address, ns, &e))?;
+        let is_found = document.is_some();
+        Ok(Modified { document, is_found, is_changed: is_found, upserted: None })
+    }
+
+    fn change_first(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        at: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        let Some(update) = request.update_of(request.filter.clone()) else { return Ok(Modified::default()) };
+        if at.is_some() {
+            metadata::check_update(&update.update)?;
+            if let Err(mistake) = request.check().and_then(|()| Shown::parse(request).map(drop)) {
+                // Of several mistakes, that of the update is the first.
+                self.check(ns, request, &update, &Document::new())?;
+                return Err(mistake.into());
+            }
+        }
+        for _ in 0..ATTEMPTS {
+            let attempt = match at {
+                Some(at) => self.change_with_metadata(ns, request, &update, at)?,
+                None => self.as_it_is(ns, request, &update)?,
+            };
+            match attempt {
+                Attempt::Done(modified) => return Ok(modified),
+                Attempt::Overtaken => {}
+                Attempt::Unmatched if update.upsert => {
+                    if let Some(inserted) = self.insert_unmatched(ns, request, &update, at)? {
+                        return Ok(inserted);
+                    }
+                }
+                Attempt::Unmatched => return Ok(Modified::default()),
+            }
+        }
+        let reason = format!("other clients changed the document {ATTEMPTS} times between finding and changing it");
+        Err(StoreError::Failed { address: self.address.clone(), reason })
+    }
+
+    /// The change without metadata.
+    fn as_it_is(&self, ns: &Namespace, request: &FindAndModify, update: &UpdateRequest) -> Result<Attempt, StoreError> {
+        let found = self.change_one(ns, Change::asked(request, update, update.update.clone()))?;
+        Ok(found.map_or(Attempt::Unmatched, Attempt::changed))
+    }
+
+    fn change_with_metadata(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        at: DateTime,
+    ) -> Result<Attempt, StoreError> {
+        // Those that find out whether anything changes do not say it.
+        if let Some(single) = single_step::with_metadata(update, at)?.next() {
+            let is_pipeline = matches!(single.update, UpdateSpec::Pipeline(_));
+            // What is shown may fail when the document is changed already; then it is no mistake of the pipeline.
+            let is_plain = || request.projection.iter().all(|(path, value)| !path.ends_with(".$") && is_choice(value));
+            if !is_pipeline || (is_plain() && self.notes_what_pipelines_change()) {
+                match self.change_one(ns, Change::asked(request, update, single.update)) {
+                    // The document may be too small or the same, or what the request has may not go with a pipeline.
+                    Err(StoreError::Query(_)) if is_pipeline => {}
+                    changed => return Ok(changed?.map_or(Attempt::Unmatched, Attempt::changed)),
+                }
+            }
+        }
+        let Some(before) = self.find(ns, &request.find(Document::new()))?.next().transpose()? else {
+            self.check(ns, request, update, &request.filter)?;
+            return Ok(Attempt::Unmatched);
+        };
+        self.change_what_is_read(ns, request, update, before, at)
+    }
+
+    /// An update of nothing is checked by the server, too.
+    fn check(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        filter: &Document,
+    ) -> Result<(), StoreError> {
+        let (filter, projection) = (none_of(filter), Document::new());
+        let nothing =
+            Change { filter, projection: &projection, ..Change::asked(request, update, update.update.clone()) };
+        self.change_one(ns, nothing).map(drop)
+    }
+
+    /// Changes a document if it is as it was read.
+    fn change_what_is_read(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        before: RawDocumentBuf,
+        at: DateTime,
+    ) -> Result<Attempt, StoreError> {
+        let known = Document::try_from(&*before).map_err(QueryError::from)?;
+        let id = id(&before)?;
+        let as_it_was = doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } };
+        let filter = doc! { "$and": [request.filter.clone(), same(&id), as_it_was] };
+        let read = vec![(id.clone(), before)];
+        let plain = without_metadata(&update.update, &read, at)?;
+        let predictions = predict(&plain, update, &read, at);
+        let is_dated = predictions.is_some_and(|all| all.first() == Some(&Prediction::Changes));
+        let change = if is_dated { with_updated(&plain, at)? } else { plain };
+        // What is shown is made here: the positional `$` of a projection does not go with the condition.
+        let (shown, whole) = (Shown::parse(request)?, Document::new());
+        let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, change) };
+        let Some(mut after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
+        let Some((_, before)) = read.into_iter().next() else { return Ok(Attempt::Overtaken) };
+        let is_changed = before != after;
+        if is_changed && !is_dated {
+            let dated = doc! { "$set": { path(UPDATED): at } };
+            let update = UpdateSpec::Document(dated.clone());
+            self.apply(ns, UpdateRequest { filter: same(&id), update, ..UpdateRequest::default() })?;
+            after = Update::parse(&dated, &[])?.apply(&after, &shown.filter, at)?.unwrap_or(after);
+        }
+        let document = shown.of(if request.new { &after } else { &before }, at)?;
+        Ok(Attempt::Done(Modified { document: Some(document), is_found: true, is_changed, upserted: None }))
+    }
+
+    /// Inserts what filter and update describe; nothing where another client has just inserted a document that matches. (The
+    /// server would change that one, and not say whether it did.)
+    fn insert_unmatched(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        at: Option<DateTime>,
+    ) -> Result<Option<Modified>, StoreError> {
+        let shown = Shown::parse(request)?;
+        let now = at.unwrap_or_else(DateTime::now);
+        let mut made = match &update.update {
+            UpdateSpec::Document(document) => Update::parse(document, &update.array_filters)?,
+            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &shown.constants)?,
+        }
+        .upsert(&request.filter, now)?;
+        if let Some(at) = at {
+            made = metadata::upsert(&made, at)?;
+        }
+        let document = Document::try_from(&*made).map_err(QueryError::from)?;
+        match self.insert_all(ns, vec![document]) {
+            Ok(_) => {}
+            Err(StoreError::Duplicate { .. }) if self.find(ns, &request.find(Document::new()))?.next().is_some() => {
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        }
+        let document = if request.new { Some(shown.of(&made, now)?) } else { None };
+        Ok(Some(Modified { document, is_found: false, is_changed: true, upserted: Some(id(&made)?) }))
+    }
+
+    /// The server's own command; returns the document that was changed.
+    fn change_one(&self, ns: &Namespace, change: Change<'_>) -> Result<Option<RawDocumentBuf>, StoreError> {
+        let collection = self.collection(ns);
+        let returned = if change.new { ReturnDocument::After } else { ReturnDocument::Before };
+        let changed = match change.update {
+            UpdateSpec::Document(document) if is_replacement(&document) => {
+                let body = RawDocumentBuf::try_from(&document).map_err(QueryError::from)?;
+                let action = bypassing!(self, collection.find_one_and_replace(change.filter, body));
+                let action = modified!(action, change.modifiers, collation variables hint time);
+                let action = action.sort(change.sort.clone()).projection(change.projection.clone());
+                action.return_document(returned).run()
+            }
+            update => {
+                let update = match update {
+                    UpdateSpec::Document(document) => UpdateModifications::Document(document),
+                    UpdateSpec::Pipeline(stages) => UpdateModifications::Pipeline(stages),
+                };
+                let action = bypassing!(self, collection.find_one_and_update(change.filter, update));
+                let mut action = modified!(action, change.modifiers, collation variables hint time);
+                if !change.array_filters.is_empty() {
+                    action = action.array_filters(change.array_filters.to_vec());
+                }
+                let action = action.sort(change.sort.clone()).projection(change.projection.clone());
+                action.return_document(returned).run()
+            }
+        };
+        changed.map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+}
+
+impl Attempt {
+    fn changed(document: RawDocumentBuf) -> Self {
+        Self::Done(Modified { document: Some(document), is_found: true, is_changed: true, upserted: None })
+    }
+}
+
+impl<'a> Change<'a> {
+    /// What is asked for, by this update.
+    fn asked(request: &'a FindAndModify, asked: &'a UpdateRequest, update: UpdateSpec) -> Self {
+        Self {
+            filter: request.filter.clone(),
+            sort: &request.sort,
+            update,
+            array_filters: &asked.array_filters,
+            modifiers: &request.modifiers,
+            new: request.new,
+            projection: &request.projection,
+        }
+    }
+}
+
+/// Whether the value of a projection only says whether the field is shown.
+fn is_choice(value: &Bson) -> bool {
+    matches!(value, Bson::Int32(_) | Bson::Int64(_) | Bson::Double(_) | Bson::Boolean(_))
+}
+
+/// How a document is shown that rmem has itself.
+struct Shown {
+    filter: Filter,
+    projection: Projection,
+    constants: Document,
+}
+
+impl Shown {
+    fn parse(request: &FindAndModify) -> Result<Self, QueryError> {
+        let constants = constants(&request.modifiers.variables)?;
+        let filter = Filter::parse_with_constants(&request.filter, &constants)?;
+        let projection = Projection::parse_with(&request.projection, &constants)?;
+        Ok(Self { filter, projection, constants })
+    }
+
+    fn of(&self, document: &RawDocumentBuf, now: DateTime) -> Result<RawDocumentBuf, QueryError> {
+        self.projection.apply(document, &self.filter, now)
+    }
+}
