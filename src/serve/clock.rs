@@ -1,10 +1,13 @@
 //! Times of operations as MongoDB writes them: seconds, and a count within the second.
 //!
-//! The count is the milliseconds times a thousand, and a number that keeps two from being the same.
+//! The count is the milliseconds times [`PER_MILLISECOND`], and a number that grows within the millisecond.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bson::{DateTime, Timestamp};
+
+/// So many times are within a millisecond: with those of a second, nearly all that 32 bits can count.
+const PER_MILLISECOND: u32 = 4_000_000;
 
 /// Gives times that grow.
 #[derive(Debug, Default)]
@@ -43,14 +46,15 @@ impl Clock {
 /// The time of the change with a number.
 pub(super) fn of(time: DateTime, number: i64) -> Timestamp {
     let millis = time.timestamp_millis();
-    let part = millis.rem_euclid(1000) * 1000 + number.rem_euclid(999) + 1;
+    let per_millisecond = i64::from(PER_MILLISECOND);
+    let part = millis.rem_euclid(1000) * per_millisecond + number.rem_euclid(per_millisecond - 1) + 1;
     let (time, increment) = (u32::try_from(millis.div_euclid(1000)), u32::try_from(part));
     Timestamp { time: time.unwrap_or(u32::MAX), increment: increment.unwrap_or(u32::MAX) }
 }
 
 /// The date of a time, to the millisecond.
 pub(super) fn date(time: Timestamp) -> DateTime {
-    let millis = i64::from(time.time) * 1000 + i64::from(time.increment.saturating_sub(1) / 1000).min(999);
+    let millis = i64::from(time.time) * 1000 + i64::from(time.increment.saturating_sub(1) / PER_MILLISECOND).min(999);
     DateTime::from_millis(millis)
 }
 
@@ -72,6 +76,13 @@ mod tests {
     fn times_grow() {
         let clock = Clock::default();
         let times: Vec<u64> = (0..1000).map(|_| packed(clock.tick())).collect();
+        assert!(times.is_sorted_by(|a, b| a < b));
+    }
+
+    #[test]
+    fn later_changes_have_later_times() {
+        let time = |number| packed(of(DateTime::from_millis(1_700_000_000_999), number));
+        let times: Vec<u64> = (900_000..903_000).map(time).collect();
         assert!(times.is_sorted_by(|a, b| a < b));
     }
 
