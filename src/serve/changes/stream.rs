@@ -37,8 +37,8 @@ pub(in crate::serve) struct Stream {
     /// What was not sent yet, each with its token.
     pending: VecDeque<(Token, RawDocumentBuf)>,
     token: Token,
-    /// The collection is gone: nothing more comes.
-    is_over: bool,
+    /// The token of the end, where the collection is gone: nothing more comes.
+    end: Option<Token>,
 }
 
 /// Some events.
@@ -88,7 +88,7 @@ impl Stream {
             stages: spec.stages,
             pending: VecDeque::new(),
             token: Token { position, kind: TokenKind::Between },
-            is_over: false,
+            end: None,
         };
         if matches!(spec.start, Start::Behind(Token { kind: TokenKind::Change, .. })) {
             stream.end_behind(memory)?;
@@ -126,16 +126,17 @@ impl Stream {
             self.token = token;
             (bytes, count) = (bytes + size, count + 1);
         }
-        if self.pending.is_empty() && !self.is_over {
-            self.token = Token { position: self.position, kind: TokenKind::Between };
+        let is_over = self.end.is_some() && self.pending.is_empty();
+        if self.pending.is_empty() {
+            // Where a stage leaves the end out, the stream is to be gone on with behind it all the same.
+            self.token = self.end.unwrap_or(Token { position: self.position, kind: TokenKind::Between });
         }
-        let is_over = self.is_over && self.pending.is_empty();
         Ok(Batch { events, count, token: self.token.to_document(), is_over })
     }
 
     /// Reads the next page of changes; says whether there was one.
     fn turn(&mut self, memory: &Memory) -> Result<bool, Failure> {
-        if self.is_over {
+        if self.end.is_some() {
             return Ok(false);
         }
         let page = memory.changes(&self.scope, self.position, PAGE)?;
@@ -160,8 +161,9 @@ impl Stream {
                 events.push((Token { position, kind: TokenKind::Change }, event));
             }
             if ends {
-                events.push((Token { position, kind: TokenKind::End }, invalidate(at, position)));
-                self.is_over = true;
+                let end = Token { position, kind: TokenKind::End };
+                events.push((end, invalidate(at, position)));
+                self.end = Some(end);
                 break;
             }
         }
@@ -184,7 +186,7 @@ impl Stream {
             let token = Token { position: self.position, kind: TokenKind::End };
             let event = invalidate(change.time, self.position);
             self.pending.extend(self.through_stages(token, &event)?);
-            self.is_over = true;
+            self.end = Some(token);
         }
         Ok(())
     }
