@@ -4,9 +4,10 @@ use bson::doc;
 use clap::Args;
 
 use super::{Context, UsageError, WrongInput, formats, missing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exit::Exit;
-use crate::store::Namespace;
+use crate::query::QueryError;
+use crate::store::{Namespace, StoreError};
 
 /// What stands below the help of `rename`.
 const HELP: &str = "\
@@ -45,16 +46,17 @@ pub(super) fn run(args: &RenameArgs, context: &mut Context<'_>) -> Result<Exit> 
         return Err(UsageError::new(format!("{from} has that name already")).into());
     }
     let memory = context.memory()?;
-    let all = memory.collections_beside(from)?;
-    if !all.contains(from) {
+    if !memory.collections_beside(from)?.contains(from) {
         let message = missing::message(from, &memory, context).unwrap_or_else(|| format!("no collection {from}"));
         return Err(WrongInput::new(message).into());
     }
-    if all.contains(to) && !drop_target {
-        let message = format!("{to} exists already; --drop-target replaces it, with all its documents");
-        return Err(WrongInput::new(message).into());
-    }
-    memory.rename_collection(from, to)?;
+    memory.rename_collection(from, to, *drop_target).map_err(|error| match error {
+        StoreError::Query(refusal) if refusal.code == QueryError::NAMESPACE_EXISTS => {
+            let message = format!("{to} exists already; --drop-target replaces it, with all its documents");
+            WrongInput::new(message).into()
+        }
+        error => Error::from(error),
+    })?;
     context.print_report([], doc! { "ns": from.to_string(), "renamed": to.to_string() })?;
     Ok(Exit::Done)
 }

@@ -453,13 +453,13 @@ impl Memory {
         self.computables.computed()
     }
 
-    /// Gives a collection the name of another, in its place; see [`Store::rename`].
-    pub fn rename_collection(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+    /// Gives a collection another name; see [`Store::rename`].
+    pub fn rename_collection(&self, from: &Namespace, to: &Namespace, drop_target: bool) -> Result<(), StoreError> {
         let work = || {
             self.check_kept_rename(from, to)?;
             let store = self.routes.of(to)?;
             computables::forget(store, to)?;
-            store.rename(from, to)
+            store.rename(from, to, drop_target)
         };
         self.journal.note("rename", Some(to), |()| 1, work)
     }

@@ -127,7 +127,7 @@ impl Store for Past {
         self.refuse()
     }
 
-    fn rename(&self, _: &Namespace, _: &Namespace) -> Result<(), StoreError> {
+    fn rename(&self, _: &Namespace, _: &Namespace, _: bool) -> Result<(), StoreError> {
         self.refuse()
     }
 

@@ -72,6 +72,8 @@ const OUT_OF_DISK_SPACE: i32 = 14_031;
 const FILE_FAILED: i32 = 16_821;
 
 impl QueryError {
+    /// MongoDB's code for a name that a collection has already.
+    pub const NAMESPACE_EXISTS: i32 = 48;
     /// MongoDB's code for an operation that takes longer than its `maxTimeMS`.
     pub const EXCEEDED_TIME_LIMIT: i32 = 50;
     /// MongoDB's code for an operation that `killCursors` has ended.

@@ -144,9 +144,9 @@ pub trait Store: Send {
     /// Removes a whole collection; returns whether it existed.
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError>;
 
-    /// Returns the collection `from` the name `to`, in place of the one that has
-    /// it, in one step. Both are in one database. Durable on return.
-    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError>;
+    /// Gives the collection `from` the name `to`, in one step; a collection that has the name is replaced with `drop_target`,
+    /// and else a refusal (code 48). Both are in one database. Durable on return.
+    fn rename(&self, from: &Namespace, to: &Namespace, drop_target: bool) -> Result<(), StoreError>;
 
     /// Creates an index, and the collection where there is none; returns whether
     /// the index is new. Over documents that a unique index cannot be made of,

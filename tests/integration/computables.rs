@@ -630,7 +630,7 @@ fn dropping_and_emptying_a_collection_empties_its_cache(lab: &Lab) {
     memory.delete(&x, &doc! {}, false).unwrap();
     assert_eq!(count(), 2);
     memory.insert(&lab.ns("other"), vec![doc! { "relation": "on-table" }]).unwrap();
-    memory.rename_collection(&lab.ns("other"), &x).unwrap();
+    memory.rename_collection(&lab.ns("other"), &x, true).unwrap();
     assert_eq!(count(), 3);
 }
 

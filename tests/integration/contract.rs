@@ -77,6 +77,7 @@ const CASES: &[(&str, Case)] = cases![
     deleting_all_counts_them,
     dropping_says_whether_there_was_one,
     a_renamed_collection_takes_the_place_of_another,
+    a_rename_replaces_another_collection_only_where_that_is_asked_for,
     renaming_what_is_not_there_changes_nothing,
     collections_are_listed_in_order,
     documents_may_be_read_while_others_are_written,
@@ -1069,20 +1070,31 @@ fn a_renamed_collection_takes_the_place_of_another(store: &dyn Store, ns: &Names
     let other = Namespace { database: ns.database.clone(), collection: format!("{}.staged", ns.collection) };
     insert(store, ns, [doc! { "_id": 1 }, doc! { "_id": 2 }]);
     insert(store, &other, [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
-    store.rename(&other, ns).unwrap();
+    store.rename(&other, ns, true).unwrap();
     assert_eq!(all(store, ns), [doc! { "_id": 9 }, doc! { "_id": 2, "new": true }]);
     assert_eq!(store.count(&other, (&doc! {}).into()).unwrap(), 0);
     assert!(!store.collections().unwrap().contains(&other));
     insert(store, ns, [doc! { "_id": 3 }]);
-    store.rename(ns, &other).unwrap();
+    store.rename(ns, &other, true).unwrap();
     assert_eq!(ids(store, &other, doc! {}), [9, 2, 3]);
     assert_eq!(all(store, ns), []);
+}
+
+fn a_rename_replaces_another_collection_only_where_that_is_asked_for(store: &dyn Store, ns: &Namespace) {
+    let other = Namespace { database: ns.database.clone(), collection: format!("{}.other", ns.collection) };
+    insert(store, ns, [doc! { "_id": 1 }]);
+    insert(store, &other, [doc! { "_id": 2 }]);
+    assert_eq!(code(store.rename(&other, ns, false)), 48);
+    assert_eq!((ids(store, ns, doc! {}), ids(store, &other, doc! {})), (vec![1], vec![2]));
+    store.drop(ns).unwrap();
+    store.rename(&other, ns, false).unwrap();
+    assert_eq!(ids(store, ns, doc! {}), [2]);
 }
 
 fn renaming_what_is_not_there_changes_nothing(store: &dyn Store, ns: &Namespace) {
     let other = Namespace { database: ns.database.clone(), collection: format!("{}.none", ns.collection) };
     insert(store, ns, [doc! { "_id": 1 }]);
-    assert!(store.rename(&other, ns).is_err());
+    assert!(store.rename(&other, ns, true).is_err());
     assert_eq!(ids(store, ns, doc! {}), [1]);
 }
 
@@ -1229,7 +1241,7 @@ fn indexes_move_with_their_collection_and_stay_below_results(store: &dyn Store, 
     store.aggregate(&other, (&out(doc! {})).into()).unwrap().for_each(drop);
     assert_eq!(store.indexes(ns).unwrap().len(), 2);
     assert!(store.insert(ns, vec![doc! { "a": 2 }]).is_err());
-    store.rename(ns, &other).unwrap();
+    store.rename(ns, &other, true).unwrap();
     assert_eq!((store.indexes(ns).unwrap().len(), store.indexes(&other).unwrap().len()), (0, 2));
     assert!(store.insert(&other, vec![doc! { "a": 2 }]).is_err());
     store.drop(&other).unwrap();

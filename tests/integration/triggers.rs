@@ -104,13 +104,13 @@ fn scripted(memory: &Memory, watched: &Memory, ns: &Namespace) -> Result<Vec<Doc
     memory.update(&source, &update(doc! { "_id": 21 }, set(doc! { "s": 3 }), false))?;
     memory.insert(&source, vec![doc! { "_id": 22 }])?;
     drop(memory.aggregate(&source, &[doc! { "$merge": &ns.collection }])?);
-    memory.rename_collection(&source, ns)?;
+    memory.rename_collection(&source, ns, true)?;
     pause(&mut changes)?;
     memory.update(ns, &update(doc! { "_id": 22 }, set(doc! { "s": 4 }), false))?;
     memory.drop_collection(ns)?;
     pause(&mut changes)?;
     memory.insert(ns, vec![doc! { "_id": 30 }])?;
-    memory.rename_collection(ns, &namespace("away"))?;
+    memory.rename_collection(ns, &namespace("away"), true)?;
     pause(&mut changes)?;
     Ok(changes)
 }

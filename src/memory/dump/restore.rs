@@ -441,7 +441,7 @@ fn swap(memory: &Memory, staged: Vec<Staged>, whole: bool) -> Result<Vec<Restore
     let mut done: Vec<Restored> = Vec::with_capacity(staged.len());
     for Staged { name, restored } in staged {
         let ns = &restored.namespace;
-        if let Err(source) = memory.rename_collection(&name, ns) {
+        if let Err(source) = memory.rename_collection(&name, ns, true) {
             let before: Vec<String> = done.iter().map(|done| done.namespace.to_string()).collect();
             let state = match before.as_slice() {
                 some @ [_, ..] if !whole => format!("only {} is restored", some.join(", ")),

@@ -220,14 +220,10 @@ fn rename(memory: &Memory, call: &Call) -> Answer {
     if from == to {
         return Err(Failure::new(codes::ILLEGAL, "Can't rename a collection to itself"));
     }
-    let all = memory.collections_of(&from.database)?;
-    if !all.contains(&from) {
+    if !memory.collections_of(&from.database)?.contains(&from) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("Source collection {from} does not exist")));
     }
-    if all.contains(&to) && !fields.flag("dropTarget")? {
-        return Err(Failure::new(codes::NAMESPACE_EXISTS, "target namespace exists"));
-    }
-    memory.rename_collection(&from, &to)?;
+    memory.rename_collection(&from, &to, fields.flag("dropTarget")?)?;
     crate::serve::host::empty()
 }
 

@@ -122,7 +122,7 @@ mod tests {
         assert_eq!((found(&ns, 1), found(&ns, 2)), (2, 1), "by the index of another");
         store.drop_index(&ns, "n_1").unwrap();
         assert_eq!(found(&ns, 1), 2, "without the index that it dropped itself");
-        other.rename(&ns, &new).unwrap();
+        other.rename(&ns, &new, true).unwrap();
         assert_eq!((found(&ns, 1), found(&new, 1)), (0, 2));
         other.drop(&new).unwrap();
         other.insert(&new, vec![doc! { "n": 2 }]).unwrap();
@@ -147,7 +147,7 @@ mod tests {
             store.create_index(&made, &Index::on(doc! { "n": 1 }))?;
             store.insert(&made, vec![doc! { "n": [5, 6] }])?;
             assert_eq!((found(&made, 5), found(&made, 6)), (2, 1), "by the index of the transaction");
-            store.rename(&made, &ns)?;
+            store.rename(&made, &ns, true)?;
             assert_eq!((found(&made, 5), found(&ns, 5)), (0, 2));
             store.insert(&made, vec![doc! { "n": 6 }]).map(drop)
         });

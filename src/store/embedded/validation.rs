@@ -306,9 +306,9 @@ mod tests {
         store.aggregate(&from, (&out).into()).unwrap().for_each(drop);
         assert_eq!(documents(&store), [doc! { "_id": 6, "n": 6 }]);
         assert_eq!(store.validation(&ns()).unwrap(), Some(positive()));
-        store.rename(&ns(), &new).unwrap();
+        store.rename(&ns(), &new, true).unwrap();
         assert_eq!((store.validation(&ns()).unwrap(), store.validation(&new).unwrap()), (None, Some(positive())));
-        store.rename(&new, &ns()).unwrap();
+        store.rename(&new, &ns(), true).unwrap();
         store.unvalidated(&mut || store.insert(&ns(), vec![doc! { "_id": 7 }]).map(drop)).unwrap();
         let (copy, saved) = (folder.path().join("copy.rmem"), folder.path().join("saved.rmem"));
         store.backup(&copy).unwrap();

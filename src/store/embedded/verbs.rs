@@ -95,11 +95,17 @@ impl Store for Embedded {
         self.write(|| self.note_drop_database(database))
     }
 
-    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+    fn rename(&self, from: &Namespace, to: &Namespace, drop_target: bool) -> Result<(), StoreError> {
         let names = rawdoc! { "db": &*to.database, "from": &*from.collection, "to": &*to.collection };
         // No stream hears of a collection of rmem's own.
         let names = (!from.is_own()).then_some(&*names);
-        self.write(|| self.take_name(from, to, names))
+        self.write(|| {
+            if !drop_target && self.collection(to)?.is_some() {
+                let message = format!("{to} exists already");
+                return Err(QueryError::invalid(QueryError::NAMESPACE_EXISTS, message).into());
+            }
+            self.take_name(from, to, names)
+        })
     }
 
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {

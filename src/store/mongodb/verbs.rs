@@ -148,9 +148,9 @@ impl Store for MongoDb {
         )
     }
 
-    fn rename(&self, from: &Namespace, to: &Namespace) -> Result<(), StoreError> {
+    fn rename(&self, from: &Namespace, to: &Namespace, drop_target: bool) -> Result<(), StoreError> {
         let command = doc! {
-            "renameCollection": from.to_string(), "to": to.to_string(), "dropTarget": true,
+            "renameCollection": from.to_string(), "to": to.to_string(), "dropTarget": drop_target,
             "writeConcern": { "w": "majority" },
         };
         self.client().database("admin").run_command(command).run().map(|_| ()).map_err(|e| self.explain(&e))

@@ -109,7 +109,7 @@ fn one(memory: &Memory, ns: &Namespace, operation: Operation, without: &mut Vec<
         Operation::Rename(to) => {
             // What was renamed before the dump read it is there under its new name.
             if memory.collections_beside(ns)?.contains(ns) {
-                memory.rename_collection(ns, &to)?;
+                memory.rename_collection(ns, &to, true)?;
             }
         }
         Operation::Index(indexes) => {
