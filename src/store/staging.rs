@@ -12,9 +12,9 @@ use super::Namespace;
 use crate::process::holder::{Holder, Life};
 use crate::query::object_id;
 
-/// The prefix of what a restore fills.
-pub const RESTORE: &str = "restoring_";
-/// The prefix of what `$out` fills: a collection of rmem's own, which no list shows and no watch reports.
+/// The prefix of what a restore fills: a collection of rmem's own, which no list shows and no watch reports.
+pub const RESTORE: &str = "rmem.restoring_";
+/// The prefix of what `$out` fills, the same.
 pub const OUT: &str = "rmem.out_";
 
 /// The age at which the collections of a process that cannot be seen from here are removed: no restore is expected to
