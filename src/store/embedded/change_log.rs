@@ -24,8 +24,10 @@ const OVERHEAD: usize = 64;
 pub(super) const DROPPED: i64 = 5;
 /// The number of a drop whose documents are too large for the history.
 const DROPPED_UNKEPT: i64 = 6;
-/// The number of an insert that a rename makes for watchers and histories of the new name.
+/// The number of an insert that a rename makes for watches and histories of the new name.
 pub(super) const ARRIVED: i64 = 8;
+/// The number of a rename as streams are told of it: a change of the database, with an empty name of a collection.
+pub(super) const RENAMED: i64 = 9;
 
 /// A change to be appended.
 #[derive(Clone, Copy)]
@@ -67,9 +69,14 @@ impl<'a> Noted<'a> {
         Self { before: collation, ..Self::of(ChangeKind::Drop) }
     }
 
-    /// The same, by a rename with these names ([`ChangeKind::Rename`]), where there is one to be told of.
+    /// The same, by a rename with these names: streams are told of that.
     pub(super) fn by_rename(self, names: Option<&'a RawDocument>) -> Self {
         Self { after: names, ..self }
+    }
+
+    /// A rename with these names ([`ChangeKind::Rename`]).
+    pub(super) fn rename(names: &'a RawDocument) -> Self {
+        Self { after: Some(names), ..Self::of(ChangeKind::Rename) }
     }
 
     /// An insert that stands for a document of a renamed collection.
@@ -92,9 +99,15 @@ impl<'a> Noted<'a> {
         Self { role: Role::OfHistory, ..self }
     }
 
-    /// Whether watchers do not get it.
+    /// Whether only histories get it.
     pub(super) fn is_of_history_alone(self) -> bool {
         self.code() == DROPPED
+    }
+
+    /// Whether streams get it: of a rename, they get that.
+    pub(super) fn is_for_streams(self) -> bool {
+        let is_of_rename = self.kind == ChangeKind::Drop && self.after.is_some();
+        !is_of_rename && !matches!(self.code(), DROPPED | ARRIVED)
     }
 
     fn code(self) -> i64 {
@@ -175,6 +188,16 @@ pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<
     connection.prepare_cached(sql)?.execute(params![ns.database, ns.collection]).map(|_| ())
 }
 
+/// Removes the renames in a database, or everywhere, that all streams are done with.
+pub(super) fn trim_renames(connection: &Connection, database: &str) -> rusqlite::Result<()> {
+    let sql = format!(
+        "DELETE FROM changes WHERE kind = {RENAMED} AND collection = '' AND ?1 IN ('', database) AND sequence <= coalesce((
+             SELECT min(position) FROM watchers WHERE missed = 0 AND substr(name, 1, length(?2)) = ?2
+             AND watchers.database IN ('', changes.database)), 9223372036854775807)"
+    );
+    connection.prepare_cached(&sql)?.execute(params![database, PREFIX]).map(|_| ())
+}
+
 /// Moves those on that keep changes up to `last`, which are about to be removed.
 fn move_on(connection: &Connection, last: i64) -> rusqlite::Result<()> {
     let sql = "UPDATE watchers SET position = ?2 WHERE substr(name, 1, length(?1)) = ?1 AND position < ?2";
@@ -183,11 +206,14 @@ fn move_on(connection: &Connection, last: i64) -> rusqlite::Result<()> {
 
 /// Removes the changes of a pattern that no watch waits for.
 fn trim_pattern(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
-    let sql = "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND sequence <= coalesce((
-                   SELECT min(position) FROM watchers WHERE missed = 0
-                   AND watchers.database IN ('', changes.database)
-                   AND watchers.collection IN ('', changes.collection)), 9223372036854775807)";
-    connection.prepare_cached(sql)?.execute(params![pattern.database, pattern.collection]).map(|_| ())
+    let sql = format!(
+        "DELETE FROM changes WHERE ?1 IN ('', database) AND ?2 IN ('', collection) AND kind <> {RENAMED}
+         AND sequence <= coalesce((
+             SELECT min(position) FROM watchers WHERE missed = 0
+             AND watchers.database IN ('', changes.database)
+             AND watchers.collection IN ('', changes.collection)), 9223372036854775807)"
+    );
+    connection.prepare_cached(&sql)?.execute(params![pattern.database, pattern.collection]).map(|_| ())
 }
 
 /// The number of the last change that was ever appended.
@@ -202,21 +228,22 @@ fn code(kind: ChangeKind) -> i64 {
         ChangeKind::Update => 1,
         ChangeKind::Replace => 2,
         ChangeKind::Delete => 3,
-        // What a rename is to watchers and histories.
-        ChangeKind::Drop | ChangeKind::Rename => 4,
+        ChangeKind::Drop => 4,
         ChangeKind::DropDatabase => 7,
+        ChangeKind::Rename => RENAMED,
     }
 }
 
 /// The kind that was stored as a number.
 pub(super) fn kind(code: i64) -> Option<ChangeKind> {
-    use ChangeKind::{Delete, Drop, DropDatabase, Insert, Replace, Update};
+    use ChangeKind::{Delete, Drop, DropDatabase, Insert, Rename, Replace, Update};
     match code {
         DROPPED => Some(Delete),
         DROPPED_UNKEPT => Some(Drop),
         ARRIVED => Some(Insert),
         code => {
-            [Insert, Update, Replace, Delete, Drop, DropDatabase].into_iter().find(|kind| self::code(*kind) == code)
+            let all = [Insert, Update, Replace, Delete, Drop, DropDatabase, Rename];
+            all.into_iter().find(|kind| self::code(*kind) == code)
         }
     }
 }

@@ -254,8 +254,8 @@ impl Drop for Feed<'_> {
 pub(super) struct Logged {
     pub(super) sequence: i64,
     pub(super) change: Change,
-    /// The names of the rename that it is of, where change streams are told of one.
-    pub(super) names: Option<RawDocumentBuf>,
+    /// Whether it is a drop by a rename, of which streams are told.
+    pub(super) is_of_rename: bool,
 }
 
 /// Reads a row of the log.
@@ -277,7 +277,8 @@ pub(super) fn logged(row: &rusqlite::Row<'_>) -> Result<Logged, PageError> {
     let kind: i64 = row.get("kind")?;
     let kind = change_log::kind(kind).ok_or_else(|| rusqlite::Error::IntegralValueOutOfRange(1, kind))?;
     // A drop has no documents there, but the collation of the collection and the names of a rename.
-    let (before, after, names) = if kind == ChangeKind::Drop { (None, None, after) } else { (before, after, None) };
+    let is_of_rename = kind == ChangeKind::Drop && after.is_some();
+    let (before, after) = if kind == ChangeKind::Drop { (None, None) } else { (before, after) };
     let change = Change {
         kind,
         id: id.map_err(QueryError::from)?,
@@ -286,5 +287,5 @@ pub(super) fn logged(row: &rusqlite::Row<'_>) -> Result<Logged, PageError> {
         time: DateTime::from_millis(row.get("time")?),
         position: sequence.to_string(),
     };
-    Ok(Logged { sequence, change, names })
+    Ok(Logged { sequence, change, is_of_rename })
 }

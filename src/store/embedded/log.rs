@@ -20,7 +20,8 @@ use crate::store::{Modifiers, Namespace, NotedChanges, StoreError};
 /// The watchers of a collection.
 #[derive(Clone, Copy)]
 struct Wanted {
-    by_watchers: bool,
+    by_watches: bool,
+    by_streams: bool,
     /// The size of the history that keeps them.
     by_history: Option<i64>,
 }
@@ -32,8 +33,8 @@ impl Embedded {
         let wanted = self.wanted(ns)?;
         let known = noted.after.or(noted.before);
         let is_kept = wanted.by_history.is_some() && !history::is_computed(known);
-        let is_for_watchers = wanted.by_watchers && !noted.is_of_history_alone();
-        if !is_kept && !is_for_watchers {
+        let is_for_watches = wanted.by_watches && !noted.is_of_history_alone();
+        if !is_kept && !is_for_watches && !(wanted.by_streams && noted.is_for_streams()) {
             return Ok(());
         }
         let append = || {
@@ -112,13 +113,22 @@ impl Embedded {
     /// Appends the end of a database, where all of it is watched: it is a change of none of its collections.
     pub(super) fn note_drop_database(&self, database: &str) -> Result<(), StoreError> {
         let ns = Namespace { database: database.to_owned(), collection: String::new() };
-        if !self.wanted(&ns)?.by_watchers {
+        if !self.wanted(&ns)?.by_streams {
             return Ok(());
         }
         self.append(&ns, Noted::drop_database()).map_err(|e| self.explain(&e))
     }
 
-    /// Appends the changes of a rename: a drop of the old name, and for watchers of the new
+    /// Appends the rename itself, behind what it is for watches and histories, where a stream of either name is told of it.
+    pub(super) fn note_names(&self, from: &Namespace, to: &Namespace, names: &RawDocument) -> Result<(), StoreError> {
+        if !self.wanted(from)?.by_streams && !self.wanted(to)?.by_streams {
+            return Ok(());
+        }
+        let ns = Namespace { database: to.database.clone(), collection: String::new() };
+        self.append(&ns, Noted::rename(names)).map_err(|e| self.explain(&e))
+    }
+
+    /// Appends the changes of a rename: a drop of the old name, and for watches and the history of the new
     /// name an insert of each document. `names` are as in [`Embedded::note_drop`].
     pub(super) fn note_rename(
         &self,
@@ -128,7 +138,8 @@ impl Embedded {
     ) -> Result<(), StoreError> {
         self.note_drop(from, collection, names)?;
         let wanted = self.wanted(to)?;
-        if !wanted.by_watchers && wanted.by_history.is_none() {
+        let is_for_streams = wanted.by_streams && names.is_none();
+        if !wanted.by_watches && wanted.by_history.is_none() && !is_for_streams {
             return Ok(());
         }
         for found in Scan::new(self, collection, &mut Arc::new(Filter::parse(&Document::new())?))? {
@@ -145,16 +156,17 @@ impl Embedded {
     /// The watchers of a collection. In a write transaction only.
     fn wanted(&self, ns: &Namespace) -> Result<Wanted, StoreError> {
         if self.place == Place::Memory {
-            return Ok(Wanted { by_watchers: false, by_history: None });
+            return Ok(Wanted { by_watches: false, by_streams: false, by_history: None });
         }
         let mut watched = self.log.watched.borrow_mut();
         if watched.is_none() {
             *watched = Some(look(&self.connection).map_err(|e| self.explain(&e))?);
         }
-        let by_watchers = |watched: &Watched| watched.patterns.iter().any(|kept| watcher::covers(kept, ns));
+        let any = |patterns: &[Namespace]| patterns.iter().any(|kept| watcher::covers(kept, ns));
         let by_history = |watched: &Watched| history::choose(&watched.histories, ns).map(|kept| kept.size);
         Ok(Wanted {
-            by_watchers: watched.as_ref().is_some_and(by_watchers),
+            by_watches: watched.as_ref().is_some_and(|watched| any(&watched.watches)),
+            by_streams: watched.as_ref().is_some_and(|watched| any(&watched.streams)),
             by_history: watched.as_ref().and_then(by_history),
         })
     }
@@ -203,7 +215,7 @@ impl Embedded {
 
 /// What is watched, and which histories are kept. In a write transaction only.
 fn look(connection: &Connection) -> rusqlite::Result<Watched> {
-    let (patterns, has_histories) = watcher::watched(connection)?;
+    let watcher::Audience { watches, streams, has_histories } = watcher::audience(connection)?;
     let histories = if has_histories { history::current(connection)? } else { Vec::new() };
-    Ok(Watched { patterns, histories })
+    Ok(Watched { watches, streams, histories })
 }

@@ -9,15 +9,16 @@ use std::time::Duration;
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
-use super::change_log::{ARRIVED, DROPPED};
+use super::change_log::{ARRIVED, DROPPED, RENAMED};
 use super::feed::{self, Logged};
+use super::page::PageError;
 use super::place::Place;
 use super::snapshot::Snapshot;
 use super::{Embedded, change_log, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
 use crate::saturate::to_i64;
-use crate::store::{Change, ChangeKind, ChangePage, Kept, Namespace, Scope, Since, StoreError};
+use crate::store::{ChangePage, Kept, Namespace, Scope, Since, StoreError};
 
 /// MongoDB's code for changes that are not kept any more.
 const HISTORY_LOST: i32 = 286;
@@ -42,7 +43,7 @@ impl Embedded {
         let release = || {
             self.look_again();
             self.connection.execute("DELETE FROM watchers WHERE name = ?", [name(scope)])?;
-            change_log::trim(&self.connection, &pattern(scope))
+            trim(&self.connection, &pattern(scope))
         };
         self.write(|| release().map_err(|e| self.explain(&e)))
     }
@@ -66,14 +67,17 @@ impl Embedded {
         if from.is_none_or(|from| behind < from) || behind > last {
             return Err(lost(scope).into());
         }
-        let mut page = self.page(scope, behind, most)?;
-        if page.changes.is_empty() {
-            page.until = last;
-        }
-        Ok(page)
+        self.page(scope, behind, last, most)
     }
 
-    fn page(&self, scope: &Scope, behind: i64, most: usize) -> Result<ChangePage, StoreError> {
+    /// The changes behind a position and up to the last one.
+    fn page(&self, scope: &Scope, behind: i64, last: i64, most: usize) -> Result<ChangePage, StoreError> {
+        // The renames of a collection are among the changes of its database.
+        let rename = match scope {
+            Scope::Collection(ns) => self.rename_behind(ns, behind)?,
+            Scope::Database(_) | Scope::All => None,
+        };
+        let end = rename.as_ref().map_or(last, |rename| rename.sequence);
         let condition = match scope {
             Scope::Collection(_) => "database = ?2 AND collection = ?3",
             Scope::Database(_) => "database = ?2 AND ?3 = ''",
@@ -81,35 +85,58 @@ impl Embedded {
         };
         let sql = format!(
             "SELECT sequence, kind, time, before, after, database, collection FROM changes \
-             WHERE sequence > ?1 AND {condition} AND kind NOT IN ({DROPPED}, {ARRIVED}) ORDER BY sequence"
+             WHERE sequence > ?1 AND {condition} AND kind NOT IN ({DROPPED}, {ARRIVED}) AND sequence <= ?4
+             ORDER BY sequence"
         );
         let pattern = pattern(scope);
         let mut statement = self.connection.prepare_cached(&sql).map_err(|e| self.explain(&e))?;
-        let rows = statement.query(params![behind, pattern.database, pattern.collection]);
+        let rows = statement.query(params![behind, pattern.database, pattern.collection, end]);
         let mut rows = rows.map_err(|e| self.explain(&e))?;
         let (mut page, mut bytes) = (ChangePage { changes: Vec::new(), until: behind }, 0);
         while page.changes.len() < most && bytes < PAGE_BYTES {
-            let Some(row) = rows.next().map_err(|e| self.explain(&e))? else { break };
+            let Some(row) = rows.next().map_err(|e| self.explain(&e))? else {
+                page.until = end;
+                if let (Some(Logged { change, .. }), Scope::Collection(ns)) = (rename, scope) {
+                    page.changes.push((ns.clone(), change));
+                }
+                break;
+            };
             let logged = feed::logged(row).map_err(|error| self.explain_page(&pattern, error))?;
-            let Logged { sequence, change, names } = logged;
+            let Logged { sequence, change, is_of_rename } = logged;
             let named = || Ok(Namespace { database: row.get(5)?, collection: row.get(6)? });
             bytes +=
                 [&change.before, &change.after].into_iter().flatten().map(|raw| raw.as_bytes().len()).sum::<usize>();
             page.until = sequence;
             let ns = named().map_err(|e| self.explain(&e))?;
-            let Some(names) = names else {
+            // Collections that rmem keeps for itself are not reported.
+            if !is_of_rename && watcher::covers(&pattern, &ns) {
                 page.changes.push((ns, change));
-                continue;
-            };
-            // Where both names are followed, it is reported once.
-            let is_old_name = names.get_str("from").is_ok_and(|from| from == ns.collection);
-            if is_old_name || matches!(scope, Scope::Collection(_)) {
-                page.changes.push((ns, Change { kind: ChangeKind::Rename, after: Some(names), ..change }));
             }
         }
-        // Collections that rmem keeps for itself are not reported.
-        page.changes.retain(|(ns, _)| watcher::covers(&pattern, ns));
         Ok(page)
+    }
+
+    /// The first rename from or to a name behind a position.
+    fn rename_behind(&self, ns: &Namespace, behind: i64) -> Result<Option<Logged>, StoreError> {
+        let sql = format!(
+            "SELECT sequence, kind, time, before, after FROM changes
+             WHERE database = ? AND collection = '' AND sequence > ? AND kind = {RENAMED} ORDER BY sequence"
+        );
+        let find = || -> Result<Option<Logged>, PageError> {
+            let mut statement = self.connection.prepare_cached(&sql)?;
+            let mut rows = statement.query(params![ns.database, behind])?;
+            while let Some(row) = rows.next()? {
+                let rename = feed::logged(row)?;
+                let names = rename.change.after.as_deref();
+                let is_named =
+                    |field| names.is_some_and(|names| names.get_str(field).is_ok_and(|name| name == ns.collection));
+                if is_named("from") || is_named("to") {
+                    return Ok(Some(rename));
+                }
+            }
+            Ok(None)
+        };
+        find().map_err(|error| self.explain_page(ns, error))
     }
 
     /// Where the kept changes at or after a time begin.
@@ -150,8 +177,14 @@ fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Re
     let from = from.max(old);
     let sql = "UPDATE watchers SET position = ?, holder = ?, beat = ? WHERE name = ?";
     connection.prepare_cached(sql)?.execute(params![from, holder, now, name(scope)])?;
-    change_log::trim(connection, &pattern)?;
+    trim(connection, &pattern)?;
     Ok(Kept { from, last, is_new: false })
+}
+
+/// Removes the changes of a pattern that all who follow them are done with.
+fn trim(connection: &Connection, pattern: &Namespace) -> rusqlite::Result<()> {
+    change_log::trim(connection, pattern)?;
+    change_log::trim_renames(connection, &pattern.database)
 }
 
 /// The position behind which all changes of a scope are kept.
@@ -194,11 +227,36 @@ fn name(scope: &Scope) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Store as _;
+    use crate::store::{ChangeKind, Store as _};
     use bson::doc;
 
     fn ns(name: &str) -> Namespace {
         Namespace { database: "a".to_owned(), collection: name.to_owned() }
+    }
+
+    #[test]
+    fn a_rename_keeps_one_change_for_streams_and_no_document() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Embedded::open(folder.path().join("x.rmem")).unwrap();
+        let hour = Duration::from_secs(3600);
+        store.insert(&ns("b"), (0..100).map(|id| doc! { "_id": id }).collect()).unwrap();
+        let [b, c] = ["b", "c"].map(|name| Scope::Collection(ns(name)));
+        let last = [&b, &c, &Scope::All].map(|scope| store.keep_changes(scope, hour).unwrap().last)[0];
+        store.rename(&ns("b"), &ns("c"), false).unwrap();
+        let count =
+            || -> i64 { store.connection.query_row("SELECT count(*) FROM changes", [], |row| row.get(0)).unwrap() };
+        assert_eq!(count(), 1);
+        for scope in [&b, &c, &Scope::All] {
+            let page = store.changes(scope, last, 100).unwrap();
+            let kinds: Vec<_> = page.changes.iter().map(|(_, change)| change.kind).collect();
+            assert_eq!((kinds, page.until), (vec![ChangeKind::Rename], last + 1));
+        }
+        // It is kept until the last of them is done with it.
+        std::thread::sleep(Duration::from_millis(5));
+        for (scope, left) in [(&Scope::All, 1), (&b, 1), (&c, 0)] {
+            store.keep_changes(scope, Duration::ZERO).unwrap();
+            assert_eq!(count(), left);
+        }
     }
 
     #[test]
@@ -217,6 +275,13 @@ mod tests {
         };
         assert_eq!(names(&Scope::Collection(ns("b")), one.last), ["b"]);
         assert_eq!(names(&Scope::Database("a".to_owned()), all.last), ["b", "c"]);
+        // Behind a page of what rmem keeps for itself, too.
+        let own = Scope::Collection(ns("rmem.own"));
+        let last = store.keep_changes(&own, hour).unwrap().last;
+        store.insert(&ns("rmem.own"), (2..9).map(|id| doc! { "_id": id }).collect()).unwrap();
+        store.insert(&ns("c"), vec![doc! { "_id": 2 }]).unwrap();
+        assert_eq!(store.changes(&Scope::Database("a".to_owned()), last, 3).unwrap().changes.len(), 1);
+        store.release_changes(&own).unwrap();
         assert!(store.names().unwrap().is_empty());
         store.release_changes(&Scope::Database("a".to_owned())).unwrap();
         assert_eq!(store.kept_scopes().unwrap(), [Scope::Collection(ns("b"))]);

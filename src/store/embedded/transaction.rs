@@ -7,8 +7,10 @@ use crate::store::Namespace;
 
 /// What is watched, and which histories are kept.
 pub(super) struct Watched {
-    /// The watched collections, with empty names for all.
-    pub(super) patterns: Vec<Namespace>,
+    /// The watched collections.
+    pub(super) watches: Vec<Namespace>,
+    /// What changes are kept of for change streams, with empty names for all.
+    pub(super) streams: Vec<Namespace>,
     pub(super) histories: Vec<Kept>,
 }
 

@@ -104,7 +104,8 @@ impl Store for Embedded {
                 let message = format!("{to} exists already");
                 return Err(QueryError::invalid(QueryError::NAMESPACE_EXISTS, message).into());
             }
-            self.take_name(from, to, names)
+            self.take_name(from, to, names)?;
+            names.map_or(Ok(()), |names| self.note_names(from, to, names))
         })
     }
 

@@ -78,26 +78,39 @@ fn row(row: &rusqlite::Row<'_>) -> rusqlite::Result<Row> {
     Ok(Row { id: row.get(0)?, namespace, position: row.get(3)?, holder: row.get(4)?, beat: row.get(5)? })
 }
 
-/// The watched collections, and whether there are rows of histories. Removes watchers without a name
-/// whose process has ended. In a write transaction only.
-pub(super) fn watched(connection: &Connection) -> rusqlite::Result<(Vec<Namespace>, bool)> {
+/// Whom changes are noted for.
+#[derive(Default)]
+pub(super) struct Audience {
+    /// The watched collections.
+    pub(super) watches: Vec<Namespace>,
+    /// What changes are kept of for change streams, with empty names for all.
+    pub(super) streams: Vec<Namespace>,
+    /// Whether there are rows of histories.
+    pub(super) has_histories: bool,
+}
+
+/// Whom changes are noted for. Removes watchers without a name whose process has ended. In a write transaction only.
+pub(super) fn audience(connection: &Connection) -> rusqlite::Result<Audience> {
     let sql = "SELECT id, database, collection, position, holder, beat, name FROM watchers WHERE missed = 0";
     let mut statement = connection.prepare_cached(sql)?;
     let rows: Vec<(Row, Option<String>)> =
         statement.query_map([], |found| Ok((row(found)?, found.get(6)?)))?.collect::<Result<_, _>>()?;
-    let (mut watched, mut left, mut has_histories) = (Vec::new(), Vec::new(), false);
+    let (mut audience, mut left) = (Audience::default(), Vec::new());
     for (row, name) in rows {
-        if name.as_ref().is_some_and(|name| name.starts_with(HISTORY)) {
-            has_histories = true;
+        let is_named = |prefix: &str| name.as_ref().is_some_and(|name| name.starts_with(prefix));
+        if is_named(HISTORY) {
+            audience.has_histories = true;
+        } else if is_named(change_log::PREFIX) {
+            audience.streams.push(row.namespace);
         } else if name.is_none() && row.holder().is_none() {
             connection.execute("DELETE FROM watchers WHERE id = ?", [row.id])?;
             left.push(row.namespace);
-        } else if !watched.contains(&row.namespace) {
-            watched.push(row.namespace);
+        } else if !audience.watches.contains(&row.namespace) {
+            audience.watches.push(row.namespace);
         }
     }
     left.iter().try_for_each(|ns| change_log::trim(connection, ns))?;
-    Ok((watched, has_histories))
+    Ok(audience)
 }
 
 /// Whether what is watched of a pattern (a collection, or with empty names a database or
@@ -110,7 +123,7 @@ pub(super) fn covers(pattern: &Namespace, ns: &Namespace) -> bool {
 /// Adds a watcher, or takes over an existing name. In a write transaction only.
 pub(super) fn take(connection: &Connection, ns: &Namespace, name: Option<&str>) -> rusqlite::Result<Taken> {
     // Watchers of ended processes keep no changes.
-    watched(connection)?;
+    audience(connection)?;
     let myself = Holder::myself().to_string();
     if let Some(found) = name.map(|name| find(connection, name)).transpose()?.flatten() {
         if found.namespace != *ns {

@@ -1,5 +1,6 @@
 //! Change streams.
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, doc};
@@ -16,6 +17,8 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_stream_goes_on_behind_a_token_also_after_a_kill", resumed),
     ("a_stream_ends_where_its_collection_is_gone", ended),
     ("a_rename_is_one_event_and_ends_the_streams_of_both_names", renamed),
+    ("a_stream_that_leaves_its_end_out_goes_on_behind_it", ended_unseen),
+    ("a_restore_is_a_drop_and_inserts", restored),
     ("a_stream_of_a_database_ends_where_that_is_dropped", database_ended),
     ("a_stream_of_a_database_or_of_all_hears_every_collection", wider),
     ("a_change_by_another_process_is_reported", received),
@@ -292,7 +295,7 @@ fn renamed() -> Result<(), Failed> {
         let ending = [(&cups, cups.watch().run()?), (&mugs, mugs.watch().run()?)];
         let mut wider = [database.watch().run()?, client.watch().run()?];
         let rename = doc! { "renameCollection": "a.cups", "to": "a.mugs", "dropTarget": has_target };
-        client.database("admin").run_command(rename).run()?;
+        let done = client.database("admin").run_command(rename).run()?;
         mugs.insert_one(doc! { "_id": 3 }).run()?;
         let is_rename = |event: &ChangeStreamEvent<Document>| {
             assert_eq!(event.operation_type, OperationType::Rename);
@@ -301,9 +304,15 @@ fn renamed() -> Result<(), Failed> {
             assert_eq!(names, ["cups", "mugs"].map(|name| Some(("a".to_owned(), name.to_owned()))));
             assert_eq!((&event.full_document, &event.document_key), (&None, &None));
         };
+        // Each stream gives it the same token, and it is at the time that its command had.
+        let mut ids = Vec::new();
+        let time = done.get_timestamp("operationTime")?;
+        is_rename(&next(&mut database.watch().start_at_operation_time(time).run()?)?);
         for (collection, mut stream) in ending {
+            is_rename(&next(&mut collection.watch().start_at_operation_time(time).run()?)?);
             let event = next(&mut stream)?;
             is_rename(&event);
+            ids.push(event.id.clone());
             let end = next(&mut stream)?;
             assert_eq!(end.operation_type, OperationType::Invalidate);
             assert!(!stream.is_alive());
@@ -311,13 +320,60 @@ fn renamed() -> Result<(), Failed> {
             assert_eq!(next(&mut stream)?.operation_type, OperationType::Invalidate);
         }
         for stream in &mut wider {
-            is_rename(&next(stream)?);
+            let event = next(stream)?;
+            is_rename(&event);
+            ids.push(event.id);
             let inserted = next(stream)?;
             assert_eq!(
                 (inserted.operation_type, inserted.document_key),
                 (OperationType::Insert, Some(doc! { "_id": 3 }))
             );
         }
+        ids.dedup();
+        assert_eq!(ids.len(), 1, "{ids:?}");
+    }
+    Ok(())
+}
+
+/// A stream whose stages leave the end out is gone on with behind it.
+fn ended_unseen() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let client = served.client()?;
+    let cups = client.database("a").collection::<Document>("cups");
+    cups.insert_one(doc! { "_id": 1 }).run()?;
+    let inserts = || cups.watch().pipeline([doc! { "$match": { "operationType": "insert" } }]);
+    let mut stream = inserts().run()?;
+    client.database("admin").run_command(doc! { "renameCollection": "a.cups", "to": "a.mugs" }).run()?;
+    let since = Instant::now();
+    while stream.is_alive() && since.elapsed() < TIMEOUT {
+        assert_eq!(stream.next_if_any()?, None);
+    }
+    let token = stream.resume_token().ok_or("no token")?;
+    cups.insert_one(doc! { "_id": 2 }).run()?;
+    assert_eq!(code(inserts().resume_after(token.clone()).run().map(drop)), Some(260));
+    assert_eq!(next(&mut inserts().start_after(token).run()?)?.document_key, Some(doc! { "_id": 2 }));
+    Ok(())
+}
+
+/// What a restore fills first is rmem's own.
+fn restored() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let database = served.client()?.database("a");
+    let cups = database.collection::<Document>("cups");
+    cups.insert_one(doc! { "_id": 1 }).run()?;
+    let mut stream = database.watch().run()?;
+    let rmem = |arguments: &[&str]| -> Result<(), Failed> {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
+        let done = command.current_dir(&folder).args(["--memory", "file:robot.rmem"]).args(arguments).status()?;
+        if done.success() { Ok(()) } else { Err(format!("{arguments:?}: {done}").into()) }
+    };
+    rmem(&["dump", "a.cups", "-o", "cups.json"])?;
+    rmem(&["restore", "cups.json", "--drop"])?;
+    for kind in [OperationType::Drop, OperationType::Insert] {
+        let event = next(&mut stream)?;
+        assert_eq!((event.operation_type, event.ns.and_then(|ns| ns.coll)), (kind, Some("cups".to_owned())));
     }
     Ok(())
 }
