@@ -83,6 +83,12 @@ fn the_first_computed_field_that_fails_says_why() {
         assert_eq!(code(doc! {"$set": both(&deep, &outer)}, a), Err(2));
     }
     assert_eq!(code(doc! {"$set": both(&inner, &outer)}, bson!([])), Err(241), "nothing is divided");
+    // Of two nested ones, also where the document has them in the other order, or lacks the first.
+    let [a, x] = [doc! {"a": {"b": divided}}, doc! {"x": {"b": {"$toInt": "$x"}}}];
+    let nested = [(both(&a, &x), 2), (both(&x, &a), 241), (both(&doc! {"n": a["a"].clone()}, &x), 2)];
+    for (fields, wanted) in nested {
+        assert_eq!(code(doc! {"$set": fields.clone()}, bson!(1)), Err(wanted), "{fields}");
+    }
 }
 
 #[test]

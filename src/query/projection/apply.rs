@@ -59,7 +59,10 @@ impl Projection<'_> {
                 }
                 (Some(Treatment::Branch(inner)), _) => {
                     placed.push(name);
-                    self.within(inner, name, element, level + 1)?;
+                    if let Err(error) = self.within(inner, name, element, level + 1) {
+                        let nth = branch.children.iter().position(|(child, _)| child.as_bytes() == name);
+                        return self.branches(branch, nth.unwrap_or(0), document, level).and(Err(error));
+                    }
                 }
             }
         }
