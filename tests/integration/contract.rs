@@ -67,6 +67,7 @@ const CASES: &[(&str, Case)] = cases![
     a_stamped_update_says_when,
     a_stamped_replacement_keeps_when_it_was_inserted,
     a_stamped_update_that_changes_nothing_is_no_modification,
+    a_stamped_update_that_only_moves_the_metadata_is_no_modification,
     a_stamped_update_compares_values_and_their_types,
     what_the_memory_notes_cannot_be_changed,
     a_pipeline_cannot_lose_when_a_document_was_inserted,
@@ -797,6 +798,25 @@ fn a_stamped_update_that_changes_nothing_is_no_modification(store: &dyn Store, n
     let request = UpdateRequest { many: true, ..update(doc! {}, doc! { "$addToSet": { "a": 2 } }) };
     assert_eq!(store.update(ns, &request, Some(instant(6))).unwrap(), changed(3, 2));
     assert_eq!(ids(store, ns, doc! { "_robmem_info.updated": instant(6) }), [1, 3]);
+}
+
+/// A field that was added later stands behind the metadata, which go last where a document is made anew.
+fn a_stamped_update_that_only_moves_the_metadata_is_no_modification(store: &dyn Store, ns: &Namespace) {
+    let document = doc! { "_id": 1, "_robmem_info": { "inserted": instant(1) }, "b": 1 };
+    insert(store, ns, [document.clone()]);
+    let made = doc! { "field": "_robmem_info", "input": { "_id": 1, "b": "$b" }, "value": "$_robmem_info" };
+    let made = UpdateSpec::Pipeline(vec![doc! { "$replaceWith": { "$setField": made } }]);
+    for same in [UpdateSpec::Document(doc! { "b": 1 }), made] {
+        for many in [false, matches!(same, UpdateSpec::Pipeline(_))] {
+            let (filter, update) = (doc! { "b": 1 }, same.clone());
+            let request = UpdateRequest { filter, update, many, ..UpdateRequest::default() };
+            assert_eq!(store.update(ns, &request, Some(instant(9))).unwrap(), changed(1, 0), "{same:?}");
+        }
+        let modification = Modification::Update { update: same, array_filters: Vec::new(), upsert: false };
+        let request = FindAndModify { modification, projection: doc! {}, ..first(doc! {}) };
+        assert_eq!(modified(store, ns, &request), (Some(document.clone()), true, false, None));
+    }
+    assert_eq!(all(store, ns), [document]);
 }
 
 fn a_stamped_update_compares_values_and_their_types(store: &dyn Store, ns: &Namespace) {

@@ -156,18 +156,20 @@ impl MongoDb {
         };
         // Those behind one that cannot be updated stay as they are, unless the server updates that one.
         let last = predictions.iter().position(|prediction| *prediction == Prediction::Fails).unwrap_or(before.len());
-        let (mut changing, mut rest, mut behind) = (Before::new(), Before::new(), Before::new());
+        let (mut changing, mut rest, mut behind, mut moved) = (Before::new(), Before::new(), Before::new(), 0);
         for (nth, (document, prediction)) in before.into_iter().zip(predictions).enumerate() {
             match prediction {
                 _ if nth > last => behind.push(document),
                 Prediction::Changes => changing.push(document),
+                Prediction::Moves => moved += 1,
                 Prediction::Stays | Prediction::Fails => rest.push(document),
             }
         }
-        let mut done = Updated::default();
+        // Those that are not changed are not sent.
+        let mut done = Updated { matched: moved, ..Updated::default() };
         if !changing.is_empty() {
             let with_metadata = with_updated(&plain, at)?;
-            done = self.apply(ns, among(request, with_metadata, &changing)?)?;
+            add(&mut done, &self.apply(ns, among(request, with_metadata, &changing)?)?);
         }
         for others in [rest, behind].iter().filter(|others| !others.is_empty()) {
             add(&mut done, &self.update_then_metadata(ns, request, plain.clone(), others, at)?);
@@ -243,6 +245,8 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
 pub(super) enum Prediction {
     Changes,
     Stays,
+    /// Only the metadata would get another place, which is no change; the server would count it.
+    Moves,
     Fails,
 }
 
@@ -264,7 +268,10 @@ pub(super) fn predict(
     };
     let (update, filter) = (update.ok()?, Filter::parse(&request.filter).ok()?);
     let predicted = |(_, body): &(Bson, RawDocumentBuf)| match update.apply(body, &filter, at) {
-        Ok(Some(_)) => Prediction::Changes,
+        Ok(Some(after)) => match metadata::update(body, &after, false, at) {
+            Ok(None) => Prediction::Moves,
+            _ => Prediction::Changes,
+        },
         Ok(None) => Prediction::Stays,
         Err(_) => Prediction::Fails,
     };
