@@ -15,8 +15,8 @@ use super::route::{Lazy, Routes};
 use crate::calendar::day_and_time;
 use crate::query::{Collation, QueryError};
 use crate::store::{
-    Aggregation, Changes, Documents, Embedded, Find, Index, IndexChange, Inserted, Name, Namespace, Put, Query, Store,
-    StoreError, UpdateRequest, Updated, Validation, Values, index,
+    Aggregation, Changes, Documents, Embedded, Find, FindAndModify, Index, IndexChange, Inserted, Modified, Name,
+    Namespace, Put, Query, Store, StoreError, UpdateRequest, Updated, Validation, Values, index,
 };
 
 /// How many documents are decoded at once.
@@ -113,6 +113,15 @@ impl Store for Past {
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
         self.with(ns)?.update(ns, update, timestamp)
+    }
+
+    fn find_and_modify(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        timestamp: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        self.with(ns)?.find_and_modify(ns, request, timestamp)
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {

@@ -129,9 +129,7 @@ pub trait Store: Send {
         ns: &Namespace,
         request: &FindAndModify,
         timestamp: Option<DateTime>,
-    ) -> Result<Modified, StoreError> {
-        find_and_modify::in_one_step(self, ns, request, timestamp)
-    }
+    ) -> Result<Modified, StoreError>;
 
     /// Stores documents, each in place of the one with its `_id` where there is
     /// one, those without an `_id` under a new one; the metadata is as with

@@ -11,8 +11,8 @@ use rmem::problem::{Generated, ProblemError, Request, Syntax, generate, names, s
 use rmem::query::Collation;
 use rmem::store::embedded::Embedded;
 use rmem::store::{
-    Aggregation, Documents, Find, Index, IndexChange, Inserted, Name, Namespace, Put, Query, Store, StoreError,
-    UpdateRequest, Updated, Values,
+    Aggregation, Documents, Find, FindAndModify, Index, IndexChange, Inserted, Modified, Name, Namespace, Put, Query,
+    Store, StoreError, UpdateRequest, Updated, Values,
 };
 
 fn memory(documents: Vec<Document>) -> Memory {
@@ -551,6 +551,10 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
+    fn find_and_modify(&self, _: &Namespace, _: &FindAndModify, _: Option<DateTime>) -> Result<Modified, StoreError> {
+        unreachable!("templates only read")
+    }
+
     fn put(&self, _: &Namespace, _: Vec<Document>, _: Option<DateTime>) -> Result<Put, StoreError> {
         unreachable!("templates only read")
     }
@@ -567,7 +571,7 @@ impl Store for Talkative {
         unreachable!("templates only read")
     }
 
-    fn rename(&self, _: &Namespace, _: &Namespace) -> Result<(), StoreError> {
+    fn rename(&self, _: &Namespace, _: &Namespace, _: bool) -> Result<(), StoreError> {
         unreachable!("templates only read")
     }
 

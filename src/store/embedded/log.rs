@@ -34,7 +34,8 @@ impl Embedded {
         let known = noted.after.or(noted.before);
         let is_kept = wanted.by_history.is_some() && !history::is_computed(known);
         let is_for_watches = wanted.by_watches && !noted.is_of_history_alone();
-        if !is_kept && !is_for_watches && !(wanted.by_streams && noted.is_for_streams()) {
+        let is_for_streams = wanted.by_streams && noted.is_for_streams();
+        if !is_kept && !is_for_watches && !is_for_streams {
             return Ok(());
         }
         let append = || {

@@ -24,6 +24,7 @@ mod expiry;
 mod failure;
 mod feed;
 mod file;
+mod find_and_modify;
 mod history;
 mod index;
 mod indexed;

@@ -16,9 +16,9 @@ use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
 use crate::store::validation::Bypassing;
 use crate::store::{
-    Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, History, HistoryRule, Index, IndexChange,
-    Inserted, Kept, Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError, UpdateRequest, Updated,
-    Validated, Validation, Values, Warn,
+    Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, FindAndModify, History, HistoryRule, Index,
+    IndexChange, Inserted, Kept, Modified, Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError,
+    UpdateRequest, Updated, Validated, Validation, Values, Warn,
 };
 
 /// MongoDB's code for a write that another one has overtaken.
@@ -93,6 +93,15 @@ impl Store for Embedded {
 
     fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
         self.write(|| self.note_drop_database(database))
+    }
+
+    fn find_and_modify(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        timestamp: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        self.modify_first(ns, request, timestamp)
     }
 
     fn rename(&self, from: &Namespace, to: &Namespace, drop_target: bool) -> Result<(), StoreError> {

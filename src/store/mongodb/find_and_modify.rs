@@ -158,11 +158,15 @@ impl MongoDb {
         let filter = doc! { "$and": [request.filter.clone(), same(&id), as_it_was] };
         let read = vec![(id.clone(), before)];
         let plain = without_metadata(&update.update, &read, at)?;
-        let predictions = predict(&plain, update, &read, at);
-        let is_dated = predictions.is_some_and(|all| all.first() == Some(&Prediction::Changes));
+        let prediction = predict(&plain, update, &read, at).and_then(|all| all.first().copied());
+        let is_dated = prediction == Some(Prediction::Changes);
         let change = if is_dated { with_updated(&plain, at)? } else { plain };
         // What is shown is made here: the positional `$` of a projection does not go with the condition.
         let (shown, whole) = (Shown::parse(request)?, Document::new());
+        if let (Some(Prediction::Moves), [(_, same)]) = (prediction, read.as_slice()) {
+            let document = Some(shown.of(same, at)?);
+            return Ok(Attempt::Done(Modified { document, is_found: true, is_changed: false, upserted: None }));
+        }
         let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, change) };
         let Some(mut after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
         let Some((_, before)) = read.into_iter().next() else { return Ok(Attempt::Overtaken) };
