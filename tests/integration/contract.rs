@@ -859,9 +859,9 @@ fn a_stamped_update_compares_values_and_their_types(store: &dyn Store, ns: &Name
     // Small documents are updated in another way on MongoDB.
     insert(store, ns, [doc! { "_id": 1, "pad": "x".repeat(2_000), "_robmem_info": { "inserted": instant(1) } }]);
     let (mut millis, mut last) = (1, String::new());
-    let mut set = |value: &Bson| {
+    let mut set = |filter: &Document, value: &Bson| {
         millis += 1;
-        let change = update(doc! { "_id": 1 }, doc! { "$set": { "v": value.clone() } });
+        let change = update(filter.clone(), doc! { "$set": { "v": value.clone() } });
         let updated = store.update(ns, &change, Some(instant(millis))).unwrap();
         let stored = all(store, ns).remove(0);
         let date = stored.get_document("_robmem_info").unwrap().get_datetime("updated");
@@ -872,12 +872,17 @@ fn a_stamped_update_compares_values_and_their_types(store: &dyn Store, ns: &Name
         assert_eq!(format!("{:?}", stored.get("v").unwrap()), shown);
         last = shown;
     };
-    for before in &values {
-        for after in &values {
-            set(before);
-            set(after);
+    // So are those that are named by their `_id`.
+    for filter in [doc! { "_id": 1 }, doc! { "pad": { "$exists": true } }] {
+        for before in &values {
+            for after in &values {
+                set(&filter, before);
+                set(&filter, after);
+            }
         }
     }
+    let missing = update(doc! { "_id": 2 }, doc! { "$set": { "v": 1 } });
+    assert_eq!(store.update(ns, &missing, Some(instant(9))).unwrap(), changed(0, 0));
     // Fields that are new come in the order of their names, those that look like numbers in that of numbers.
     let fields = doc! { "b": 1, "a": "x", "c": 2.5, "10": 1, "9": 1 };
     for fields in [doc! { "b": 1, "a": "x", "c": 2.5 }, fields] {

@@ -8,8 +8,9 @@ use mongodb::options::{ReturnDocument, UpdateModifications};
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::dates::path;
+use super::single_step::{self, Meaning, Single};
 use super::update::{Prediction, is_replacement, predict, with_updated, without_metadata};
-use super::{MongoDb, failure, single_step};
+use super::{MongoDb, failure};
 use crate::query::{Filter, Projection, QueryError, Update, constants};
 use crate::store::find_and_modify::{id, none_of, same};
 use crate::store::metadata::{self, UPDATED};
@@ -109,16 +110,23 @@ impl MongoDb {
         update: &UpdateRequest,
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        // Those that find out whether anything changes do not say it.
-        if let Some(single) = single_step::with_metadata(update, at)?.next() {
-            let is_pipeline = matches!(single.update, UpdateSpec::Pipeline(_));
-            // What is shown may fail when the document is changed already; then it is no mistake of the pipeline.
+        // The second one would not say whether anything changed.
+        if let Some(Single { request: single, meaning }) = single_step::with_metadata(update, at)?.next() {
+            // What is shown may fail when the document is changed already, which is no mistake of a pipeline, and may be an
+            // element that the filter matched.
             let is_plain = || request.projection.iter().all(|(path, value)| !path.ends_with(".$") && is_choice(value));
-            if !is_pipeline || (is_plain() && self.notes_what_pipelines_change()) {
-                match self.change_one(ns, Change::asked(request, update, single.update)) {
-                    // The document may be too small or the same, or what the request has may not go with a pipeline.
-                    Err(StoreError::Query(_)) if is_pipeline => {}
-                    changed => return Ok(changed?.map_or(Attempt::Unmatched, Attempt::changed)),
+            let fits = match meaning {
+                Meaning::Whole => true,
+                Meaning::IfDifferent => is_plain(),
+                Meaning::IfTaken => is_plain() && self.notes_what_pipelines_change(),
+            };
+            if fits {
+                let change = Change { filter: single.filter, ..Change::asked(request, update, single.update) };
+                match (self.change_one(ns, change), meaning) {
+                    // What the request has may also not go with a pipeline.
+                    (Err(StoreError::Query(_)), Meaning::IfTaken) => {}
+                    (Ok(None), Meaning::IfDifferent) => {}
+                    (changed, _) => return Ok(changed?.map_or(Attempt::Unmatched, Attempt::changed)),
                 }
             }
         }

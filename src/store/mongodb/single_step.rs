@@ -1,12 +1,13 @@
 //! Updates of one document that carry their metadata in one request.
 //!
 //! The metadata may be written only where a document changes. For two kinds of updates that needs no look at
-//! the document: those that change whatever they meet, and those that set fields to values that the server can compare
-//! in a pipeline. Where a document has little beside the fields that are set, what a pipeline does to it is a replacement
-//! for change streams; there, the pipeline is made to fail.
+//! the document: those that change whatever they meet, and those that set fields to values that the server can compare.
+//! Of a document that is named by its `_id`, it compares them by the filter; of the first match of another filter, which would
+//! be another one then, in a pipeline. Where a document has little beside the fields that are set, what a pipeline does to it
+//! is a replacement for change streams; there, the pipeline is made to fail.
 //!
-//! mongod takes longer to read a long pipeline than to do it. So the first one asks by `$ne` alone, which finds most
-//! changes, and fails where it finds none; the second one compares types and bytes, too.
+//! mongod takes longer to read a long pipeline than to do it. So the first request asks by `$ne` alone, which finds most
+//! changes; a pipeline fails where it finds none. The second request compares types and bytes, too.
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
@@ -20,22 +21,43 @@ use crate::store::{UpdateRequest, UpdateSpec};
 /// 65 on MongoDB 6.0, and some to spare.
 const OVERHEAD: usize = 68;
 
-/// The requests that carry the metadata, to be tried in this order; none where one request cannot. A pipeline that is
-/// refused says nothing yet. Each is made when it is asked for: most updates need only the first.
-pub(super) fn with_metadata(
-    request: &UpdateRequest,
-    at: DateTime,
-) -> Result<impl Iterator<Item = UpdateRequest>, QueryError> {
-    let (first, exact) = specs(request, at)?;
-    let exact = exact.into_iter().map(move |(values, least)| UpdateSpec::Pipeline(compared(&values, least, at)));
-    Ok(first.into_iter().chain(exact).map(|update| {
-        let (filter, modifiers) = (request.filter.clone(), request.modifiers.clone());
-        UpdateRequest { filter, update, modifiers, ..UpdateRequest::default() }
-    }))
+/// A request that carries the metadata.
+pub(super) struct Single {
+    pub(super) request: UpdateRequest,
+    pub(super) meaning: Meaning,
 }
 
-/// What the first request does, and what the second one compares: fields, and the fewest bytes of a document.
-type Specs<'u> = (Option<UpdateSpec>, Option<(Vec<(&'u str, &'u Bson)>, usize)>);
+/// What the server's answer to it means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Meaning {
+    /// What it says.
+    Whole,
+    /// Where nothing matches, the document may be the same already.
+    IfDifferent,
+    /// Where it is refused, the document may be the same already, or too small.
+    IfTaken,
+}
+
+impl Single {
+    fn new(request: &UpdateRequest, update: UpdateSpec, meaning: Meaning) -> Self {
+        let (filter, modifiers) = (request.filter.clone(), request.modifiers.clone());
+        Self { request: UpdateRequest { filter, update, modifiers, ..UpdateRequest::default() }, meaning }
+    }
+}
+
+/// The requests that carry the metadata, to be tried in this order; none where one request cannot. Each is made when it is
+/// asked for: most updates need only the first.
+pub(super) fn with_metadata(request: &UpdateRequest, at: DateTime) -> Result<impl Iterator<Item = Single>, QueryError> {
+    let (first, exact) = specs(request, at)?;
+    let exact = exact.into_iter().map(move |(values, least)| {
+        let update = UpdateSpec::Pipeline(compared(&values, least, at));
+        Single::new(request, update, Meaning::IfTaken)
+    });
+    Ok(first.into_iter().chain(exact))
+}
+
+/// The first request, and what the second one compares: fields, and the fewest bytes of a document.
+type Specs<'u> = (Option<Single>, Option<(Vec<(&'u str, &'u Bson)>, usize)>);
 
 fn specs(request: &UpdateRequest, at: DateTime) -> Result<Specs<'_>, QueryError> {
     let UpdateSpec::Document(update) = &request.update else { return Ok((None, None)) };
@@ -43,14 +65,39 @@ fn specs(request: &UpdateRequest, at: DateTime) -> Result<Specs<'_>, QueryError>
         return Ok((None, None));
     }
     if update.iter().any(|(operator, fields)| always_changes(operator, fields)) {
-        let mut update = update.clone();
-        add_field(&mut update, "$set", UPDATED, at)?;
-        return Ok((Some(UpdateSpec::Document(update)), None));
+        return Ok((Some(Single::new(request, dated_update(update, at)?, Meaning::Whole)), None));
     }
     let Some(values) = plain_values(update) else { return Ok((None, None)) };
     let least = RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + OVERHEAD;
-    let first = UpdateSpec::Pipeline(changed(&values, least, at));
+    // An upsert that inserts would take one request more.
+    let is_named = !request.upsert && request.modifiers.collation.is_none() && names_id(&request.filter);
+    let first = if is_named {
+        let mut single = Single::new(request, dated_update(update, at)?, Meaning::IfDifferent);
+        let others: Vec<Document> = values.iter().map(|(name, value)| doc! { *name: { "$ne": *value } }).collect();
+        single.request.filter = doc! { "$and": [single.request.filter, { "$or": others }] };
+        single
+    } else {
+        Single::new(request, UpdateSpec::Pipeline(changed(&values, least, at)), Meaning::IfTaken)
+    };
     Ok((Some(first), is_comparable(&values).then_some((values, least))))
+}
+
+/// The update with the date of the change.
+fn dated_update(update: &Document, at: DateTime) -> Result<UpdateSpec, QueryError> {
+    let mut update = update.clone();
+    add_field(&mut update, "$set", UPDATED, at)?;
+    Ok(UpdateSpec::Document(update))
+}
+
+/// Whether a filter matches one document at most, by its `_id`.
+fn names_id(filter: &Document) -> bool {
+    filter.iter().any(|(name, value)| match (name.as_str(), value) {
+        ("_id", Bson::RegularExpression(_)) => false,
+        ("_id", Bson::Document(id)) => id.contains_key("$eq") || !id.keys().any(|key| key.starts_with('$')),
+        ("_id", _) => true,
+        ("$and", Bson::Array(parts)) => parts.iter().filter_map(Bson::as_document).any(names_id),
+        _ => false,
+    })
 }
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
@@ -211,17 +258,32 @@ mod tests {
 
     #[test]
     fn one_request_carries_what_surely_changes_and_what_the_server_can_compare() {
-        let kind = |update: Document| {
-            let filter = doc! { "name": "a" };
+        let kind_of = |filter: Document, update: Document| {
             let request = UpdateRequest { filter, update: UpdateSpec::Document(update), ..UpdateRequest::default() };
             let requests = with_metadata(&request, DateTime::from_millis(1)).unwrap();
-            match requests.map(|request| request.update).collect::<Vec<_>>().as_slice() {
-                [UpdateSpec::Document(_)] => "sure",
-                [UpdateSpec::Pipeline(_), UpdateSpec::Pipeline(_)] => "compared",
-                [UpdateSpec::Pipeline(_)] => "compared unless equal",
+            match requests.map(|single| single.meaning).collect::<Vec<_>>().as_slice() {
+                [Meaning::Whole] => "sure",
+                [Meaning::IfTaken, Meaning::IfTaken] => "compared",
+                [Meaning::IfDifferent, Meaning::IfTaken] => "named",
+                [Meaning::IfTaken] => "compared unless equal",
                 _ => "read",
             }
         };
+        let kind = |update| kind_of(doc! { "name": "a" }, update);
+        let set = || doc! { "$set": { "a": 1 } };
+        for named in [
+            doc! { "_id": 1 },
+            doc! { "$and": [{ "n": 1 }, { "_id": { "$eq": { "x": 1 } } }] },
+            doc! { "_id": { "x": 1 } },
+        ] {
+            assert_eq!(kind_of(named.clone(), set()), "named", "{named}");
+        }
+        let pattern =
+            Bson::RegularExpression(bson::Regex { pattern: "a".try_into().unwrap(), options: "".try_into().unwrap() });
+        for open in [doc! { "_id": { "$gt": 1 } }, doc! { "$or": [{ "_id": 1 }, { "n": 1 }] }, doc! { "_id": pattern }]
+        {
+            assert_eq!(kind_of(open.clone(), set()), "compared", "{open}");
+        }
         for sure in [
             doc! { "$inc": { "n": 1 } },
             doc! { "$set": { "a.b": [1] }, "$push": { "l": 1 } },

@@ -16,8 +16,9 @@ use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
+use super::MongoDb;
 use super::dates::{add_field, inserted, path};
-use super::{MongoDb, single_step};
+use super::single_step::{self, Meaning, Single};
 use crate::interrupt::stops_work;
 use crate::query::{Filter, QueryError, Update, check_upsert};
 use crate::store::document::with_id_first;
@@ -60,15 +61,15 @@ impl MongoDb {
         request: &UpdateRequest,
         at: DateTime,
     ) -> Result<Option<Updated>, StoreError> {
-        for single in single_step::with_metadata(request, at)? {
-            let is_pipeline = matches!(single.update, UpdateSpec::Pipeline(_));
-            if is_pipeline && !self.notes_what_pipelines_change() {
+        for Single { request, meaning } in single_step::with_metadata(request, at)? {
+            if meaning == Meaning::IfTaken && !self.notes_what_pipelines_change() {
                 return Ok(None);
             }
-            match self.apply(ns, single) {
-                // The document may be too small or the same, or what the request has may not go with a pipeline.
-                Err(StoreError::Query(_)) if is_pipeline => {}
-                done => return done.map(Some),
+            match (self.apply(ns, request), meaning) {
+                // What the request has may also not go with a pipeline.
+                (Err(StoreError::Query(_)), Meaning::IfTaken) => {}
+                (Ok(Updated { matched: 0, .. }), Meaning::IfDifferent) => {}
+                (done, _) => return done.map(Some),
             }
         }
         Ok(None)
