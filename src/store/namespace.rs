@@ -5,6 +5,9 @@ use std::str::FromStr;
 
 use crate::fault::{AtFault, Fault};
 
+/// The collection of a pipeline that brings its own documents (`$documents`), by MongoDB's name for it.
+pub(crate) const NO_COLLECTION: &str = "$cmd.aggregate";
+
 /// A database and a collection, split at the first dot.
 ///
 /// The rules are MongoDB's: a database name has 1 to 63 bytes and none of

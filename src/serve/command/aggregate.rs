@@ -14,13 +14,11 @@ use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, integral, whole};
 use crate::serve::host::{FirstBatch, Host};
 use crate::serve::request::{Request, namespace};
+use crate::store::namespace::NO_COLLECTION;
 use crate::store::{Aggregation, Documents, Namespace, Scope, StoreError};
 
 pub(super) const COMMANDS: &[Command] =
     &[Command { name: "aggregate", run: Run::Sliced(writes, read, write), is_open: false, in_transaction: true }];
-
-/// The collection of a pipeline that brings its own documents.
-const NO_COLLECTION: &str = "$cmd.aggregate";
 
 /// What is taken, or makes no difference here.
 const TAKEN: [&str; 12] = [

@@ -13,6 +13,7 @@ use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{is_generic, number, whole};
 use crate::serve::request::Request;
 use crate::serve::server::Server;
+use crate::store::namespace::NO_COLLECTION;
 
 pub(super) const COMMANDS: &[Command] = &[Command::here("currentOp", current), Command::here("killOp", kill)];
 
@@ -79,7 +80,7 @@ fn described(request: &Request) -> Document {
     };
     let collection = match of {
         Some(Bson::String(collection)) => collection,
-        _ if request.name == "aggregate" => "$cmd.aggregate",
+        _ if request.name == "aggregate" => NO_COLLECTION,
         _ => "$cmd",
     };
     let elapsed = request.since.elapsed();

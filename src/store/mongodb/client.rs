@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use bson::RawDocumentBuf;
 use mongodb::options::{
-    Acknowledgment, ClientOptions, CollectionOptions, ReadConcern, ReadPreference, SelectionCriteria, WriteConcern,
+    Acknowledgment, ClientOptions, CollectionOptions, DatabaseOptions, ReadConcern, ReadPreference, SelectionCriteria,
+    WriteConcern,
 };
-use mongodb::sync::{Client, Collection};
+use mongodb::sync::{Client, Collection, Database};
 
 use super::write_policy::WritePolicy;
 use super::{MongoDb, failure};
@@ -50,6 +51,12 @@ impl MongoDb {
     pub(super) fn collection(&self, ns: &Namespace) -> Collection<RawDocumentBuf> {
         let options = CollectionOptions::builder().write_concern(self.write_policy.of_one()).build();
         self.client.database(&ns.database).collection_with_options(&ns.collection, options)
+    }
+
+    /// The database, with the write concern of [`MongoDb::collection`].
+    pub(super) fn database(&self, ns: &Namespace) -> Database {
+        let options = DatabaseOptions::builder().write_concern(self.write_policy.of_one()).build();
+        self.client.database_with_options(&ns.database, options)
     }
 
     /// The collection as the primary has it, whatever the URI says of reads.

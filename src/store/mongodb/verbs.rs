@@ -16,7 +16,7 @@ use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
-use crate::store::namespace::is_internal;
+use crate::store::namespace::{NO_COLLECTION, is_internal};
 use crate::store::validation::Bypassing;
 use crate::store::{
     Aggregation, Changes, Documents, Find, FindAndModify, History, HistoryRule, Index, IndexChange, Inserted,
@@ -100,8 +100,13 @@ impl Store for MongoDb {
     }
 
     fn aggregate(&self, ns: &Namespace, pipeline: Aggregation<'_>) -> Result<Documents<'_>, StoreError> {
-        let collection = self.collection(ns);
-        let action = bypassing!(self, collection.aggregate(in_stages(pipeline.stages)));
+        let (database, collection) = (self.database(ns), self.collection(ns));
+        let stages = in_stages(pipeline.stages);
+        let action = match ns.collection == NO_COLLECTION {
+            true => database.aggregate(stages),
+            false => collection.aggregate(stages),
+        };
+        let action = bypassing!(self, action);
         let action = modified!(action, pipeline.modifiers, collation variables hint time);
         let run = action.with_type::<RawDocumentBuf>().run();
         let cursor = run.map_err(|e| failure::invalid(ns, &e).unwrap_or_else(|| self.explain(&e)))?;

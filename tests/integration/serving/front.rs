@@ -70,6 +70,9 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     many.insert_many((0..500).map(|n| doc! { "_id": n })).run()?;
     assert_eq!(many.find(doc! {}).batch_size(50).run()?.count(), 500);
     assert_eq!(code(things.insert_one(doc! { "_id": 1 }).run()), Some(11_000));
+    // A pipeline that brings its own documents is one of the database.
+    let own = [doc! { "$documents": [{ "_id": 7 }] }];
+    assert_eq!(database.aggregate(own).run()?.collect::<Result<Vec<_>, _>>()?, [doc! { "_id": 7 }]);
     assert_eq!(things.delete_many(doc! {}).run()?.deleted_count, 3);
     many.insert_one(doc! { "_id": -1 }).run()?;
     let slow = many.find(doc! { "$where": "sleep(60000) || true" }).max_time(std::time::Duration::from_millis(200));
