@@ -219,10 +219,13 @@ fn read(definition: &Document, skips_unknown: bool) -> Result<Index, Failure> {
 /// The indexes that a client sees: not the one by which a memory finds what has decayed.
 pub(super) fn shown(memory: &Memory, call: &Call, ns: &Namespace) -> Result<Vec<Index>, Failure> {
     let mut indexes = memory.indexes(ns)?;
-    if call.metadata == Metadata::Hidden {
-        indexes.retain(|kept| kept.name != index::DECAY);
-    }
+    indexes.retain(|kept| is_shown(call, &kept.name));
     Ok(indexes)
+}
+
+/// Whether a client sees the index of that name.
+pub(super) fn is_shown(call: &Call, name: &str) -> bool {
+    call.metadata != Metadata::Hidden || name != index::DECAY
 }
 
 fn list(host: &mut Host<'_>, call: &Call) -> Answer {

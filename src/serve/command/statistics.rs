@@ -3,6 +3,7 @@
 use bson::{Bson, DateTime, Document, doc};
 
 use super::definition::{Command, raw};
+use super::index::is_shown;
 use crate::memory::{Listed, Memory};
 use crate::query::QueryError;
 use crate::saturate::to_i64;
@@ -130,10 +131,11 @@ fn validate(host: &mut Host<'_>, call: &Call) -> Answer {
     fields.check(&["full", "background", "metadata", "checkBSONConformance"], &["repair"])?;
     let mut errors = Vec::new();
     let validated = host.memory()?.bare(&ns)?.validate(&ns, &mut |damage| errors.push(damage.to_owned()))?;
-    let Some(Validated { documents, damaged, indexes }) = validated else {
+    let Some(Validated { documents, damaged, mut indexes }) = validated else {
         let message = format!("Collection '{ns}' does not exist to validate.");
         return Err(Failure::new(codes::NO_NAMESPACE, message));
     };
+    indexes.retain(|index| is_shown(call, &index.name));
     let keys: Document = indexes.iter().map(|index| (index.name.clone(), number(to_i64(index.keys)))).collect();
     let details = indexes.iter().map(|index| (index.name.clone(), doc! { "valid": index.is_sound }.into()));
     raw(&doc! {

@@ -7,6 +7,7 @@
 pub mod admin;
 
 mod action;
+mod check;
 mod client;
 mod dates;
 mod explain;

@@ -21,7 +21,7 @@ use crate::store::validation::Bypassing;
 use crate::store::{
     Aggregation, Changes, Documents, Find, FindAndModify, History, HistoryRule, Index, IndexChange, Inserted,
     Modification, Modified, Modifiers, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec,
-    Updated, Validation, Values, WriteConcern,
+    Updated, Validated, Validation, Values, WriteConcern,
 };
 
 impl Store for MongoDb {
@@ -245,6 +245,10 @@ impl Store for MongoDb {
 
     fn set_validation(&self, ns: &Namespace, validation: &Validation) -> Result<(), StoreError> {
         self.change_validation(ns, validation)
+    }
+
+    fn validate(&self, ns: &Namespace, report: &mut dyn FnMut(&str)) -> Result<Option<Validated>, StoreError> {
+        self.validated(ns, report)
     }
 
     fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {

@@ -70,6 +70,10 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     many.insert_many((0..500).map(|n| doc! { "_id": n })).run()?;
     assert_eq!(many.find(doc! {}).batch_size(50).run()?.count(), 500);
     assert_eq!(code(things.insert_one(doc! { "_id": 1 }).run()), Some(11_000));
+    let checked = database.run_command(doc! { "validate": "things" }).run()?;
+    assert_eq!((checked.get_bool("valid")?, checked.get_i32("nrecords")?), (true, 3));
+    let names: Vec<_> = checked.get_document("keysPerIndex")?.keys().cloned().collect();
+    assert_eq!(names, things.list_index_names().run()?);
     // A pipeline that brings its own documents is one of the database.
     let own = [doc! { "$documents": [{ "_id": 7 }] }];
     assert_eq!(database.aggregate(own).run()?.collect::<Result<Vec<_>, _>>()?, [doc! { "_id": 7 }]);
