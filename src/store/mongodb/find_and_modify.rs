@@ -164,20 +164,19 @@ impl MongoDb {
         let id = id(&before)?;
         let as_it_was = doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } };
         let filter = doc! { "$and": [request.filter.clone(), same(&id), as_it_was] };
-        let read = vec![(id.clone(), before)];
+        let read = vec![(id.clone(), before.clone())];
         let plain = without_metadata(&update.update, &read, at)?;
         let prediction = predict(&plain, update, &read, at).and_then(|all| all.first().copied());
         let is_dated = prediction == Some(Prediction::Changes);
-        let change = if is_dated { with_updated(&plain, at)? } else { plain };
         // What is shown is made here: the positional `$` of a projection does not go with the condition.
         let (shown, whole) = (Shown::parse(request)?, Document::new());
-        if let (Some(Prediction::Moves), [(_, same)]) = (prediction, read.as_slice()) {
-            let document = Some(shown.of(same, at)?);
+        if prediction == Some(Prediction::Moves) {
+            let document = Some(shown.of(&before, at)?);
             return Ok(Attempt::Done(Modified { document, is_found: true, is_changed: false, upserted: None }));
         }
+        let change = if is_dated { with_updated(&plain, at)? } else { plain };
         let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, change) };
         let Some(mut after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
-        let Some((_, before)) = read.into_iter().next() else { return Ok(Attempt::Overtaken) };
         let is_changed = before != after;
         if is_changed && !is_dated {
             let dated = doc! { "$set": { path(UPDATED): at } };
