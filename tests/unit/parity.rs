@@ -368,6 +368,41 @@ fn fields_within_the_id_are_either_included_or_excluded() {
     assert!(store.aggregate(&ns, (&[doc! { "$project": { "_id": { "b": 0, "c": 1 } } }]).into()).is_err());
 }
 
+#[test]
+fn the_id_and_a_field_in_it_collide() {
+    let (store, ns) = store(vec![doc! { "_id": { "a": 1 }, "x": 1 }]);
+    let code = |result: Result<_, StoreError>| match result {
+        Err(StoreError::Query(error)) => error.code,
+        _ => 0,
+    };
+    for (first, second) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        for (projection, wanted) in
+            [(doc! { "_id": first, "_id.a": second }, 31_249), (doc! { "_id.a": first, "_id": second }, 31_250)]
+        {
+            let stage = doc! { "$project": projection.clone() };
+            assert_eq!(code(store.aggregate(&ns, (&[stage]).into())), wanted, "{projection}");
+            let find = Find { projection: projection.clone(), ..Find::default() };
+            assert_eq!(code(store.find(&ns, &find)), wanted, "{projection}");
+        }
+    }
+}
+
+#[test]
+fn the_score_alone_is_an_inclusion_in_a_stage() {
+    let (store, ns) = store(vec![doc! { "_id": 1, "t": "hello", "x": 1 }]);
+    store.create_index(&ns, &Index::parse(&doc! { "key": { "t": "text" }, "name": "t" }).unwrap()).unwrap();
+    let search = doc! { "$match": { "$text": { "$search": "hello" } } };
+    let keys = |fields: Document| -> Vec<String> {
+        let stages = [search.clone(), doc! { "$project": fields }];
+        let found = store.aggregate(&ns, (&stages).into()).unwrap().next().unwrap().unwrap();
+        Document::try_from(&*found).unwrap().keys().cloned().collect()
+    };
+    let score = doc! { "$meta": "textScore" };
+    assert_eq!(keys(doc! { "score": score.clone() }), ["_id", "score"]);
+    assert_eq!(keys(doc! { "_id": 0, "score": score.clone() }), ["score"]);
+    assert_eq!(keys(doc! { "x": 0, "score": score }), ["_id", "t", "score"]);
+}
+
 fn found(documents: Vec<Document>, find: Find) -> Result<Vec<Document>, String> {
     let (store, ns) = store(documents);
     let found = store.find(&ns, &find).map_err(|error| error.to_string())?;

@@ -28,7 +28,8 @@ pub(super) fn projection(spec: &Document, policy: Policy, scope: &Scope) -> Resu
     }
     let mut entries = Vec::new();
     flatten("", spec, policy, &mut entries, 0)?;
-    let mode = mode_of(&entries)?;
+    check_id(&entries)?;
+    let mode = mode_of(&entries, policy)?;
     let mut root = Branch::new(mode);
     let mut transforms = Vec::new();
     let mut id = None;
@@ -96,14 +97,29 @@ fn unknown(value: &Bson, mut error: QueryError) -> QueryError {
     error
 }
 
+/// Refuses `_id` beside a field in it.
+fn check_id(entries: &[(String, Entry<'_>)]) -> Result<()> {
+    let whole = entries.iter().position(|(path, _)| path == "_id");
+    let inner = entries.iter().position(|(path, _)| path.starts_with("_id."));
+    match (whole, inner) {
+        (Some(whole), Some(inner)) => {
+            // MongoDB's code says which of them is the first.
+            let code = if whole < inner { 31_249 } else { 31_250 };
+            Err(QueryError::invalid(code, "path collision at _id"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Returns the first field other than `_id` decides.
-fn mode_of(entries: &[(String, Entry<'_>)]) -> Result<Mode> {
+fn mode_of(entries: &[(String, Entry<'_>)], policy: Policy) -> Result<Mode> {
     let (mut mode, mut id, mut matching) = (None, None, false);
     for (path, entry) in entries {
         match entry {
             Entry::Include if path == "_id" => id = Some(Mode::Include),
             Entry::Exclude if path == "_id" => id = Some(Mode::Exclude),
-            Entry::Value(value) if is_meta(value) => {}
+            // In a stage, it is a value like others where nothing else decides.
+            Entry::Value(value) if is_meta(value) => matching |= policy == Policy::Stage,
             Entry::Include | Entry::Value(_) => mode = mode.or(Some(Mode::Include)),
             Entry::Exclude => mode = mode.or(Some(Mode::Exclude)),
             Entry::Transform(FindOperator::Slice { .. }) => {}
