@@ -458,8 +458,12 @@ impl Memory {
         let work = || {
             self.check_kept_rename(from, to)?;
             let store = self.routes.of(to)?;
-            computables::forget(store, to)?;
-            store.rename(from, to, drop_target)
+            // What is replaced loses what was computed before it is gone; what is refused to be replaced loses nothing.
+            if drop_target {
+                computables::forget(store, to)?;
+            }
+            store.rename(from, to, drop_target)?;
+            if drop_target { Ok(()) } else { computables::forget(store, to) }
         };
         self.journal.note("rename", Some(to), |()| 1, work)
     }
