@@ -42,6 +42,11 @@ impl MongoDb {
         Ok(())
     }
 
+    /// Forgets that a collection, which is gone, had the index on dates of decay.
+    pub(super) fn forget_decay(&self, ns: &Namespace) {
+        self.decaying.lock().unwrap_or_else(PoisonError::into_inner).remove(ns);
+    }
+
     pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {
         if name == index::DECAY {
             let message = format!("{name} is rmem's: by it what has decayed is found");

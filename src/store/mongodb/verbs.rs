@@ -158,7 +158,9 @@ impl Store for MongoDb {
             "renameCollection": from.to_string(), "to": to.to_string(), "dropTarget": drop_target,
             "writeConcern": { "w": "majority" },
         };
-        self.client().database("admin").run_command(command).run().map(|_| ()).map_err(|e| self.explain(&e))
+        self.client().database("admin").run_command(command).run().map_err(|e| self.explain(&e))?;
+        [from, to].into_iter().for_each(|ns| self.forget_decay(ns));
+        Ok(())
     }
 
     fn create_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -442,6 +444,7 @@ impl MongoDb {
         let names = database.list_collection_names();
         let there = names.filter(doc! { "name": &ns.collection }).run().map_err(|e| self.explain(&e))?;
         self.collection(ns).drop().run().map_err(|e| self.explain(&e))?;
+        self.forget_decay(ns);
         Ok(!there.is_empty())
     }
 
