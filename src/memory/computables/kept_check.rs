@@ -7,7 +7,7 @@ use super::record::COLLECTION;
 use super::registry::Registry;
 use crate::formats::shell;
 use crate::memory::Memory;
-use crate::query::{Filter, QueryError, Update};
+use crate::query::{Filter, QueryError, Update, constants};
 use crate::store::{Find, FindAndModify, Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 impl Memory {
@@ -25,12 +25,14 @@ impl Memory {
             return Ok(());
         }
         let now = self.clock.now();
+        let constants = constants(&request.modifiers.variables)?;
         let update = match &request.update {
             UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
+            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &constants),
         }?;
-        let filter = Filter::parse(&request.filter)?;
-        let find = Find { filter: request.filter.clone(), ..Find::default() };
+        let filter = Filter::parse_with_constants(&request.filter, &constants)?;
+        let modifiers = request.modifiers.without_hint();
+        let find = Find { filter: request.filter.clone(), modifiers, ..Find::default() };
         let mut is_matched = false;
         for raw in self.routes.reading(ns)?.find(ns, &find)? {
             let raw = raw?;
