@@ -8,9 +8,9 @@ use super::at::AtArgs;
 use super::{Context, UsageError, missing};
 use crate::error::Result;
 use crate::exit::Exit;
-use crate::memory::Memory;
 use crate::memory::dump::world_file::WorldDumpError;
 use crate::memory::dump::{world_file, write};
+use crate::memory::{Listed, Memory};
 use crate::output::{amount, is_stdout};
 use crate::store::{Index, Namespace, index};
 
@@ -53,6 +53,18 @@ pub struct DumpArgs {
     pub past: AtArgs,
 }
 
+/// All collections but views, which have no documents of their own.
+fn stored(memory: &Memory, context: &mut Context<'_>) -> Result<Vec<Namespace>> {
+    let mut stored = Vec::new();
+    for ns in memory.collections()? {
+        match memory.collection_or_view(&ns)? {
+            Listed::Collection(_) => stored.push(ns),
+            Listed::View(_) => context.output.warn(&format!("{ns} is a view, and was left out")),
+        }
+    }
+    Ok(stored)
+}
+
 pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     let is_file = args.output.extension().is_some_and(|end| end == "json") || is_stream(&args.output);
     let is_world = (is_stdout(&args.output) || is_file) && !args.archive;
@@ -64,7 +76,7 @@ pub(super) fn run(args: &DumpArgs, context: &mut Context<'_>) -> Result<Exit> {
     }
     let progress = context.output.progress(&format!("writing {}", args.output.display()));
     let memory = args.past.memory(context)?.with_meter(progress.meter());
-    let namespaces = if args.all { memory.collections()? } else { args.namespaces.clone() };
+    let namespaces = if args.all { stored(&memory, context)? } else { args.namespaces.clone() };
     // What was there at another time is not known.
     if !args.all && args.past.at.is_none() {
         let messages = namespaces.iter().map(|namespace| missing::look(namespace, &memory, context));
