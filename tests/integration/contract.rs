@@ -999,6 +999,30 @@ fn the_first_match_is_changed_and_returned(store: &dyn Store, ns: &Namespace) {
         ..first(doc! { "$addToSet": { "l": 3 }, "$unset": { "n": 1 } })
     };
     assert_eq!(done(&folded), found(doc! { "_id": 1, "l": [3] }, true));
+    // What is shown compares as the query does, and `$rand` chooses once.
+    let list = bson::bson!([{ "k": "A" }, { "k": "b" }]);
+    for new in [false, true] {
+        let shown = FindAndModify {
+            projection: doc! { "l": { "$elemMatch": { "k": "B" } }, "t": { "$eq": ["$$v", "$$v"] } },
+            modifiers: Modifiers { variables: doc! { "v": 1 }, ..folded.modifiers.clone() },
+            new,
+            ..first(doc! { "$set": { "l": list.clone(), "q.r": new } })
+        };
+        let wanted = if new {
+            doc! { "_id": 1, "l": [{ "k": "b" }], "t": true }
+        } else {
+            doc! { "_id": 1, "t": true }
+        };
+        assert_eq!(done(&shown), found(wanted, true));
+    }
+    let half = doc! { "$expr": { "$lt": [{ "$rand": {} }, 0.5] } };
+    for n in 0..20 {
+        let request = FindAndModify { filter: half.clone(), ..first(doc! { "$set": { "q.r": n, "l": [3] } }) };
+        let (document, is_found, is_changed, _) = done(&request);
+        let changed = document.is_some_and(|document| document.get_document("q").unwrap().get_i32("r").unwrap() == n);
+        assert_eq!((changed, is_changed), (is_found, is_found));
+    }
+    store.update(ns, &update(doc! {}, doc! { "$set": { "l": [3] }, "$unset": { "q": "" } }), None).unwrap();
     let remove = FindAndModify { new: false, modification: Modification::Remove, ..first(doc! {}) };
     assert_eq!(done(&remove), found(doc! { "_id": 1, "l": [3] }, true));
     let shown = |new| FindAndModify {

@@ -5,7 +5,8 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use super::Embedded;
 use crate::store::find_and_modify::{id, none_of, same};
 use crate::store::{
-    Find, FindAndModify, Modified, Namespace, Store as _, StoreError, Undone, UpdateRequest, Updated, as_step,
+    Find, FindAndModify, Modification, Modified, Namespace, Store as _, StoreError, Undone, UpdateRequest, UpdateSpec,
+    Updated, as_step,
 };
 
 /// MongoDB's code for a name of a field that begins with `$`.
@@ -43,15 +44,18 @@ impl Steps<'_> {
         self.request.check()?;
         let found = self.first(&self.request.find(doc! { "_id": 1 }))?;
         let id = found.map(|found| id(&found)).transpose()?;
+        // The query is asked for no other document, also where its answer is not always the same (`$rand`); it is repeated only
+        // where what it matched determines which element `$` is.
+        let filter = match &id {
+            Some(id) if self.is_positional() => doc! { "$and": [self.request.filter.clone(), exactly(id)] },
+            Some(id) => exactly(id),
+            None => self.request.filter.clone(),
+        };
         // Where there is nothing to show, the projection is still checked.
         let before = match (self.request.new, &id) {
             (true, Some(_)) => None,
+            (false, Some(_)) if !self.shows_what_matched() => self.shown(filter.clone())?,
             _ => self.first(&self.request.find(self.request.projection.clone()))?,
-        };
-        // What the query matched determines which element `$` is.
-        let filter = match &id {
-            Some(id) => doc! { "$and": [self.request.filter.clone(), exactly(id)] },
-            None => self.request.filter.clone(),
         };
         let Some(update) = self.request.update_of(filter) else { return self.remove(id, before) };
         if id.is_none() && !update.upsert {
@@ -60,10 +64,7 @@ impl Steps<'_> {
         }
         let Updated { modified, upserted, .. } = self.store.update(self.ns, &update, self.timestamp)?;
         let document = match (self.request.new, id.as_ref().or(upserted.as_ref())) {
-            (true, Some(id)) => {
-                let (filter, projection) = (same(id), self.request.projection.clone());
-                self.first(&Find { filter, limit: 1, projection, current: true, ..Find::default() })?
-            }
+            (true, Some(id)) => self.shown(exactly(id))?,
             _ => before,
         };
         Ok(Modified { document, is_found: id.is_some(), is_changed: modified > 0 || upserted.is_some(), upserted })
@@ -83,6 +84,27 @@ impl Steps<'_> {
             Err(StoreError::Query(error)) if error.code == DOLLAR_PREFIXED => Ok(()),
             done => done.map(|_| ()),
         }
+    }
+
+    /// Whether the update has a positional `$`.
+    fn is_positional(&self) -> bool {
+        let Modification::Update { update: UpdateSpec::Document(update), .. } = &self.request.modification else {
+            return false;
+        };
+        let mut paths = update.values().filter_map(Bson::as_document).flat_map(Document::keys);
+        paths.any(|path| path.split('.').any(|part| part == "$"))
+    }
+
+    /// Whether the projection shows what only the query can say: the element that matched, or the score.
+    fn shows_what_matched(&self) -> bool {
+        self.request.projection.iter().any(|(path, value)| path.ends_with(".$") || value.as_document().is_some())
+    }
+
+    /// The document of a filter, as it is asked for.
+    fn shown(&self, filter: Document) -> Result<Option<RawDocumentBuf>, StoreError> {
+        let modifiers = self.request.modifiers.without_hint();
+        let find = self.request.find(self.request.projection.clone());
+        self.first(&Find { filter, sort: Document::new(), modifiers, ..find })
     }
 
     fn first(&self, find: &Find) -> Result<Option<RawDocumentBuf>, StoreError> {

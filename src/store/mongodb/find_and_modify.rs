@@ -3,23 +3,32 @@
 //! As with updates, the metadata is written only where the document changes. Where one request cannot carry it
 //! (`single_step`), the document is read first, and changed if it is still as it was read.
 
+use std::time::Duration;
+
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::{ReturnDocument, UpdateModifications};
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::dates::path;
 use super::single_step::{self, Meaning, Single};
-use super::update::{Prediction, is_replacement, predict, with_updated, without_metadata};
+use super::update::{Prediction, as_it_was, is_replacement, predict, with_updated, without_metadata};
 use super::{MongoDb, failure};
-use crate::query::{Filter, Projection, QueryError, Update, constants};
+use crate::query::collation::during;
+use crate::query::{Collation, Filter, Projection, QueryError, Update, constants};
 use crate::store::find_and_modify::{id, none_of, same};
-use crate::store::metadata::{self, UPDATED};
+use crate::store::index;
+use crate::store::metadata::{self, INFO, UPDATED};
 use crate::store::{
-    FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec,
+    Find, FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest,
+    UpdateSpec,
 };
 
 /// How often a document is looked for again after another client changed it.
-const ATTEMPTS: usize = 64;
+const ATTEMPTS: u32 = 64;
+/// How long one waits behind the first attempt; behind each one more, so much longer.
+const PAUSE: Duration = Duration::from_micros(200);
+/// The largest document, in bytes, that is compared as a whole.
+const LARGEST_CONDITION: usize = 1 << 20;
 
 /// What came of one attempt.
 enum Attempt {
@@ -71,20 +80,20 @@ impl MongoDb {
         let Some(update) = request.update_of(request.filter.clone()) else { return Ok(Modified::default()) };
         if at.is_some() {
             metadata::check_update(&update.update)?;
-            if let Err(mistake) = request.check().and_then(|()| Shown::parse(request).map(drop)) {
+            if let Err(mistake) = request.check().and_then(|()| Shown::parse(request, None).map(drop)) {
                 // Of several mistakes, that of the update is the first.
                 self.check(ns, request, &update, &Document::new())?;
                 return Err(mistake.into());
             }
         }
-        for _ in 0..ATTEMPTS {
-            let attempt = match at {
+        for attempt in 0..ATTEMPTS {
+            let done = match at {
                 Some(at) => self.change_with_metadata(ns, request, &update, at)?,
                 None => self.as_it_is(ns, request, &update)?,
             };
-            match attempt {
+            match done {
                 Attempt::Done(modified) => return Ok(modified),
-                Attempt::Overtaken => {}
+                Attempt::Overtaken => std::thread::sleep(PAUSE * attempt),
                 Attempt::Unmatched if update.upsert => {
                     if let Some(inserted) = self.insert_unmatched(ns, request, &update, at)? {
                         return Ok(inserted);
@@ -151,7 +160,7 @@ impl MongoDb {
         self.change_one(ns, nothing).map(drop)
     }
 
-    /// Changes a document if it is as it was read.
+    /// Changes the document that was read, with the date of the change where it is predicted that it changes.
     fn change_what_is_read(
         &self,
         ns: &Namespace,
@@ -160,32 +169,56 @@ impl MongoDb {
         before: RawDocumentBuf,
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        let known = Document::try_from(&*before).map_err(QueryError::from)?;
         let id = id(&before)?;
-        let as_it_was = doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } };
-        let filter = doc! { "$and": [request.filter.clone(), same(&id), as_it_was] };
-        let read = vec![(id.clone(), before.clone())];
+        let this = doc! { "$and": [request.filter.clone(), same(&id)] };
+        let read = vec![(id, before)];
         let plain = without_metadata(&update.update, &read, at)?;
         let prediction = predict(&plain, update, &read, at).and_then(|all| all.first().copied());
-        let is_dated = prediction == Some(Prediction::Changes);
-        // What is shown is made here: the positional `$` of a projection does not go with the condition.
-        let (shown, whole) = (Shown::parse(request)?, Document::new());
-        if prediction == Some(Prediction::Moves) {
-            let document = Some(shown.of(&before, at)?);
-            return Ok(Attempt::Done(Modified { document, is_found: true, is_changed: false, upserted: None }));
-        }
-        let change = if is_dated { with_updated(&plain, at)? } else { plain };
-        let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, change) };
-        let Some(mut after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
-        let is_changed = before != after;
-        if is_changed && !is_dated {
-            let dated = doc! { "$set": { path(UPDATED): at } };
-            let update = UpdateSpec::Document(dated.clone());
+        let [(_, before)] = read.as_slice() else { return Ok(Attempt::Overtaken) };
+        let (change, condition, is_changed) = match prediction {
+            Some(Prediction::Changes) => (with_updated(&plain, at)?, as_it_was(&update.update, &read)?, true),
+            Some(Prediction::Stays) => (plain, with_the_same_metadata(before)?, false),
+            Some(Prediction::Moves) => {
+                let shown = Find { filter: this, ..request.find(request.projection.clone()) };
+                let shown = self.find(ns, &shown)?.next().transpose()?;
+                return Ok(shown.map_or(Attempt::Overtaken, |document| Attempt::done(document, false)));
+            }
+            Some(Prediction::Fails) | None => return self.change_and_date(ns, request, update, (plain, before), at),
+        };
+        let filter = doc! { "$and": [this, condition] };
+        let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
+        Ok(changed.map_or(Attempt::Overtaken, |document| Attempt::done(document, is_changed)))
+    }
+
+    /// Changes a document if it is as it was read, and then writes the date where it is another one.
+    fn change_and_date(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        (plain, before): (UpdateSpec, &RawDocumentBuf),
+        at: DateTime,
+    ) -> Result<Attempt, StoreError> {
+        // What is shown is read beside: mistakes in it are to be found before anything is changed.
+        Shown::parse(request, None)?;
+        let id = id(before)?;
+        let shown = |filter: Document| {
+            let modifiers = request.modifiers.without_hint();
+            let find = Find { filter, modifiers, ..request.find(request.projection.clone()) };
+            self.find(ns, &find)?.next().transpose()
+        };
+        let this = doc! { "$and": [request.filter.clone(), same(&id)] };
+        let shown_before = if request.new { None } else { shown(this.clone())? };
+        let (filter, whole) = (doc! { "$and": [this, the_same(before)?] }, Document::new());
+        let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, plain) };
+        let Some(after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
+        let is_changed = *before != after;
+        if is_changed {
+            let update = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
             self.apply(ns, UpdateRequest { filter: same(&id), update, ..UpdateRequest::default() })?;
-            after = Update::parse(&dated, &[])?.apply(&after, &shown.filter, at)?.unwrap_or(after);
         }
-        let document = shown.of(if request.new { &after } else { &before }, at)?;
-        Ok(Attempt::Done(Modified { document: Some(document), is_found: true, is_changed, upserted: None }))
+        let document = if request.new { shown(same(&id))? } else { shown_before };
+        Ok(Attempt::Done(Modified { document, is_found: true, is_changed, upserted: None }))
     }
 
     /// Inserts what filter and update describe; nothing where another client has just inserted a document that matches. (The
@@ -197,16 +230,22 @@ impl MongoDb {
         update: &UpdateRequest,
         at: Option<DateTime>,
     ) -> Result<Option<Modified>, StoreError> {
-        let shown = Shown::parse(request)?;
+        let compares = matches!(update.update, UpdateSpec::Pipeline(_)) || !request.projection.values().all(is_choice);
+        let collation = match &request.modifiers.collation {
+            Some(collation) => Some(collation.clone()),
+            None if compares => index::collation(&self.indexes(ns)?),
+            None => None,
+        };
+        let shown = Shown::parse(request, collation)?;
         let now = at.unwrap_or_else(DateTime::now);
-        let mut made = match &update.update {
-            UpdateSpec::Document(document) => Update::parse(document, &update.array_filters)?,
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &shown.constants)?,
-        }
-        .upsert(&request.filter, now)?;
-        if let Some(at) = at {
-            made = metadata::upsert(&made, at)?;
-        }
+        let made = shown.within(|| {
+            let made = match &update.update {
+                UpdateSpec::Document(document) => Update::parse(document, &update.array_filters)?,
+                UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &shown.constants)?,
+            };
+            let made = made.upsert(&request.filter, now)?;
+            at.map_or(Ok(made.clone()), |at| metadata::upsert(&made, at))
+        })?;
         let document = Document::try_from(&*made).map_err(QueryError::from)?;
         match self.insert_all(ns, vec![document]) {
             Ok(_) => {}
@@ -250,9 +289,29 @@ impl MongoDb {
 }
 
 impl Attempt {
-    fn changed(document: RawDocumentBuf) -> Self {
-        Self::Done(Modified { document: Some(document), is_found: true, is_changed: true, upserted: None })
+    fn done(document: RawDocumentBuf, is_changed: bool) -> Self {
+        Self::Done(Modified { document: Some(document), is_found: true, is_changed, upserted: None })
     }
+
+    fn changed(document: RawDocumentBuf) -> Self {
+        Self::done(document, true)
+    }
+}
+
+/// The condition that the metadata of a document are those that were read: rmem writes a date wherever it changes something.
+fn with_the_same_metadata(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+    let info = document.get(INFO)?.map(Bson::try_from).transpose()?;
+    Ok(info.map_or_else(|| doc! { INFO: { "$exists": false } }, |info| doc! { INFO: { "$eq": info } }))
+}
+
+/// The condition that a document is as it was read, as far as a command can say that.
+fn the_same(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+    let known = Document::try_from(&**document)?;
+    // One with a field twice cannot be written as an expression, and a large one not beside the update.
+    if document.as_bytes().len() > LARGEST_CONDITION || RawDocumentBuf::try_from(&known)? != *document {
+        return with_the_same_metadata(document);
+    }
+    Ok(doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } })
 }
 
 impl<'a> Change<'a> {
@@ -280,17 +339,23 @@ struct Shown {
     filter: Filter,
     projection: Projection,
     constants: Document,
+    collation: Option<Collation>,
 }
 
 impl Shown {
-    fn parse(request: &FindAndModify) -> Result<Self, QueryError> {
+    fn parse(request: &FindAndModify, collation: Option<Collation>) -> Result<Self, QueryError> {
         let constants = constants(&request.modifiers.variables)?;
         let filter = Filter::parse_with_constants(&request.filter, &constants)?;
         let projection = Projection::parse_with(&request.projection, &constants)?;
-        Ok(Self { filter, projection, constants })
+        Ok(Self { filter, projection, constants, collation })
+    }
+
+    /// Does some work in which strings compare by the collation.
+    fn within<T>(&self, work: impl FnOnce() -> T) -> T {
+        during(self.collation.as_ref(), work)
     }
 
     fn of(&self, document: &RawDocumentBuf, now: DateTime) -> Result<RawDocumentBuf, QueryError> {
-        self.projection.apply(document, &self.filter, now)
+        self.within(|| self.projection.apply(document, &self.filter, now))
     }
 }

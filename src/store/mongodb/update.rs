@@ -358,7 +358,7 @@ pub(super) fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTim
 
 /// The condition that the dates of a document are the known ones: a replacement keeps when its
 /// predecessor was inserted, and another client may have replaced that.
-fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
+pub(super) fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
     match (update, before.as_slice()) {
         (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
             let inserted = dates(old)?.get(INSERTED).cloned().unwrap_or(Bson::Null);
