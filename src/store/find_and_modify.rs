@@ -66,15 +66,6 @@ impl FindAndModify {
         })
     }
 
-    /// The same for no document at all.
-    pub(crate) fn of_nothing(&self) -> Self {
-        let mut nothing = Self { filter: none_of(&self.filter), ..self.clone() };
-        if let Modification::Update { upsert, .. } = &mut nothing.modification {
-            *upsert = false;
-        }
-        nothing
-    }
-
     /// Refuses what does not go together.
     pub(super) fn check(&self) -> Result<(), QueryError> {
         check_positional(&self.filter, &self.projection)?;

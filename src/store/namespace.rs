@@ -6,6 +6,7 @@ use std::str::FromStr;
 use crate::fault::{AtFault, Fault};
 
 /// The collection of a pipeline that brings its own documents (`$documents`), by MongoDB's name for it.
+#[cfg(any(feature = "mongodb", feature = "serve"))]
 pub(crate) const NO_COLLECTION: &str = "$cmd.aggregate";
 
 /// A database and a collection, split at the first dot.

@@ -44,7 +44,7 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
     let access = call.access(memory);
     let modified = access.find_and_modify(&ns, &request).map_err(|error| {
         let failure = Failure::from(error);
-        let is_wrong = || access.find_and_modify(&ns, &request.of_nothing()).is_err();
+        let is_wrong = || access.find_and_modify(&ns, &of_nothing(&request)).is_err();
         explained(failure, is_wrong)
     })?;
     let value = modified.document.map(|raw| Document::try_from(&*raw)).transpose().map_err(QueryError::from)?;
@@ -80,6 +80,16 @@ fn request(fields: Fields<'_>) -> Result<FindAndModify, Failure> {
         (false, Some(update)) => Modification::Update { update, array_filters, upsert },
     };
     Ok(FindAndModify { filter, sort, modification, new, projection, modifiers })
+}
+
+/// The same for no document at all.
+fn of_nothing(request: &FindAndModify) -> FindAndModify {
+    let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": [] } }] };
+    let mut nothing = FindAndModify { filter, ..request.clone() };
+    if let Modification::Update { upsert, .. } = &mut nothing.modification {
+        *upsert = false;
+    }
+    nothing
 }
 
 /// Why it failed, as MongoDB says it: what is wrong whatever the documents are, that refuses before it looks for one.
