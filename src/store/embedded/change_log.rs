@@ -190,8 +190,10 @@ pub(super) fn trim(connection: &Connection, ns: &Namespace) -> rusqlite::Result<
 
 /// Removes the renames in a database, or everywhere, that all streams are done with.
 pub(super) fn trim_renames(connection: &Connection, database: &str) -> rusqlite::Result<()> {
+    // One database is found by the index: each stream that is opened asks this.
+    let these = if database.is_empty() { "?1 = ''" } else { "database = ?1" };
     let sql = format!(
-        "DELETE FROM changes WHERE kind = {RENAMED} AND collection = '' AND ?1 IN ('', database) AND sequence <= coalesce((
+        "DELETE FROM changes WHERE {these} AND collection = '' AND kind = {RENAMED} AND sequence <= coalesce((
              SELECT min(position) FROM watchers WHERE missed = 0 AND substr(name, 1, length(?2)) = ?2
              AND watchers.database IN ('', changes.database)), 9223372036854775807)"
     );
