@@ -72,6 +72,10 @@ const OUT_OF_DISK_SPACE: i32 = 14_031;
 const FILE_FAILED: i32 = 16_821;
 
 impl QueryError {
+    /// MongoDB's code for a collection that is not there.
+    pub const NAMESPACE_NOT_FOUND: i32 = 26;
+    /// MongoDB's code for an index that is not there.
+    pub const INDEX_NOT_FOUND: i32 = 27;
     /// MongoDB's code for a name that a collection has already.
     pub const NAMESPACE_EXISTS: i32 = 48;
     /// MongoDB's code for an operation that takes longer than its `maxTimeMS`.

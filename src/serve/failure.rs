@@ -9,6 +9,8 @@ use crate::store::{StoreError, TakenKey};
 
 /// The codes that commands fail with by themselves.
 pub(super) mod codes {
+    use crate::query::QueryError;
+
     pub(in crate::serve) const INTERNAL: i32 = 1;
     pub(in crate::serve) const BAD_VALUE: i32 = 2;
     pub(in crate::serve) const NO_SUCH_KEY: i32 = 4;
@@ -21,10 +23,10 @@ pub(super) mod codes {
     pub(in crate::serve) const PROTOCOL: i32 = 17;
     pub(in crate::serve) const AUTHENTICATION: i32 = 18;
     pub(in crate::serve) const ILLEGAL: i32 = 20;
-    pub(in crate::serve) const NO_NAMESPACE: i32 = 26;
-    pub(in crate::serve) const NO_INDEX: i32 = 27;
+    pub(in crate::serve) const NO_NAMESPACE: i32 = QueryError::NAMESPACE_NOT_FOUND;
+    pub(in crate::serve) const NO_INDEX: i32 = QueryError::INDEX_NOT_FOUND;
     pub(in crate::serve) const NO_CURSOR: i32 = 43;
-    pub(in crate::serve) const NAMESPACE_EXISTS: i32 = 48;
+    pub(in crate::serve) const NAMESPACE_EXISTS: i32 = QueryError::NAMESPACE_EXISTS;
     pub(in crate::serve) const NO_COMMAND: i32 = 59;
     pub(in crate::serve) const IMMUTABLE: i32 = 66;
     pub(in crate::serve) const CANNOT_CREATE_INDEX: i32 = 67;
@@ -45,7 +47,7 @@ pub(super) mod codes {
     pub(in crate::serve) const INVALID_INDEX_OPTION: i32 = 197;
     pub(in crate::serve) const CONVERTED: i32 = 217;
     pub(in crate::serve) const TRANSACTION_TOO_OLD: i32 = 225;
-    pub(in crate::serve) const CURSOR_KILLED: i32 = 237;
+    pub(in crate::serve) const CURSOR_KILLED: i32 = QueryError::CURSOR_KILLED;
     pub(in crate::serve) const NO_SNAPSHOT: i32 = 246;
     pub(in crate::serve) const NO_TRANSACTION: i32 = 251;
     pub(in crate::serve) const COMMITTED: i32 = 256;

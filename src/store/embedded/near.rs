@@ -14,10 +14,6 @@ use crate::store::{Namespace, StoreError};
 
 /// MongoDB's code for a query that no index answers which needs one.
 const NO_PLAN: i32 = 291;
-/// MongoDB's code for an index that is not there.
-const INDEX_NOT_FOUND: i32 = 27;
-/// MongoDB's code for a collection that is not there.
-const NAMESPACE_NOT_FOUND: i32 = 26;
 
 impl Embedded {
     /// The way to the documents that match, the nearest first: they are measured all.
@@ -85,7 +81,7 @@ impl Embedded {
         };
         let Some(collection) = self.collection(ns)? else {
             let message = format!("$geoNear needs an index, but there is no collection {ns}");
-            return Err(QueryError::invalid(NAMESPACE_NOT_FOUND, message).about("$geoNear").into());
+            return Err(QueryError::invalid(QueryError::NAMESPACE_NOT_FOUND, message).about("$geoNear").into());
         };
         if !spec.contains_key("key") {
             spec.insert("key", only_place(&self.indexes_of(collection)?)?);
@@ -116,10 +112,10 @@ fn only_place(indexes: &[Indexed]) -> Result<String, QueryError> {
             _ => {
                 let message =
                     format!("there is more than one {kind} index: say with `key` which path $geoNear is about");
-                return Err(QueryError::invalid(INDEX_NOT_FOUND, message).about("$geoNear"));
+                return Err(QueryError::invalid(QueryError::INDEX_NOT_FOUND, message).about("$geoNear"));
             }
         }
     }
     let message = "$geoNear needs a 2d or 2dsphere index: make one, like `rmem index NS \"{pos: '2dsphere'}\"`";
-    Err(QueryError::invalid(INDEX_NOT_FOUND, message).about("$geoNear"))
+    Err(QueryError::invalid(QueryError::INDEX_NOT_FOUND, message).about("$geoNear"))
 }

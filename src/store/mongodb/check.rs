@@ -3,10 +3,8 @@
 use bson::{Bson, Document, doc};
 
 use super::{MongoDb, failure};
+use crate::query::QueryError;
 use crate::store::{Namespace, StoreError, Validated, ValidatedIndex};
-
-/// The server's code for a collection that is not there.
-const NO_COLLECTION: i32 = 26;
 
 impl MongoDb {
     pub(super) fn validated(
@@ -17,7 +15,7 @@ impl MongoDb {
         let command = doc! { "validate": &ns.collection };
         let found = match self.client().database(&ns.database).run_command(command).run() {
             Ok(found) => found,
-            Err(error) if failure::code(&error) == Some(NO_COLLECTION) => return Ok(None),
+            Err(error) if failure::code(&error) == Some(QueryError::NAMESPACE_NOT_FOUND) => return Ok(None),
             Err(error) => return Err(self.explain(&error)),
         };
         let errors = found.get_array("errors").map(Vec::as_slice).unwrap_or_default();

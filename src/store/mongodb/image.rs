@@ -4,16 +4,13 @@
 use bson::{Document, doc};
 
 use super::{MongoDb, failure};
+use crate::query::QueryError;
 use crate::store::{Namespace, StoreError};
 
 /// The first version of the wire protocol that knows of images: MongoDB 6.0.
 const WIRE_VERSION: i32 = 17;
 /// That of MongoDB 5.0, the first that notes which fields a pipeline changes: before, change streams say that it replaces.
 const NOTING: i32 = 13;
-/// The server's code for a collection that is not there …
-const MISSING: i32 = 26;
-/// … and for one that is.
-const PRESENT: i32 = 48;
 
 /// What a server offers to watchers.
 pub(super) struct Server {
@@ -52,10 +49,12 @@ impl MongoDb {
         let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": images.clone() };
         let asked = database.run_command(modify.clone()).run();
         let outcome = match asked {
-            Err(error) if create && failure::code(&error) == Some(MISSING) => {
+            Err(error) if create && failure::code(&error) == Some(QueryError::NAMESPACE_NOT_FOUND) => {
                 let made: Document = doc! { "create": &ns.collection, "changeStreamPreAndPostImages": images };
                 match database.run_command(made).run() {
-                    Err(error) if failure::code(&error) == Some(PRESENT) => database.run_command(modify).run(),
+                    Err(error) if failure::code(&error) == Some(QueryError::NAMESPACE_EXISTS) => {
+                        database.run_command(modify).run()
+                    }
                     outcome => outcome,
                 }
             }

@@ -3,15 +3,11 @@
 use std::sync::PoisonError;
 
 use bson::{Bson, DateTime, Document, doc};
-use mongodb::error::{Error, ErrorKind};
+use mongodb::error::Error;
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::{Index, IndexChange, Namespace, StoreError, index, metadata};
-
-/// The server's codes for a collection, and for an index, that is not there.
-const NAMESPACE_NOT_FOUND: i32 = 26;
-const INDEX_NOT_FOUND: i32 = 27;
 
 impl MongoDb {
     pub(super) fn make_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -55,7 +51,7 @@ impl MongoDb {
         let command = doc! { "dropIndexes": &ns.collection, "index": name, "writeConcern": { "w": "majority" } };
         match self.client().database(&ns.database).run_command(command).run() {
             Ok(_) => Ok(true),
-            Err(error) if [NAMESPACE_NOT_FOUND, INDEX_NOT_FOUND].contains(&code(&error)) => Ok(false),
+            Err(error) if is_missing(&error) => Ok(false),
             Err(error) => Err(self.explain(&error)),
         }
     }
@@ -67,7 +63,7 @@ impl MongoDb {
         let command = doc! { "collMod": &ns.collection, "index": index, "writeConcern": { "w": "majority" } };
         match self.client().database(&ns.database).run_command(command).run() {
             Ok(_) => Ok(true),
-            Err(error) if [NAMESPACE_NOT_FOUND, INDEX_NOT_FOUND].contains(&code(&error)) => Ok(false),
+            Err(error) if is_missing(&error) => Ok(false),
             Err(error) => Err(self.explain(&error)),
         }
     }
@@ -85,7 +81,7 @@ impl MongoDb {
     pub(super) fn list_indexes(&self, ns: &Namespace) -> Result<Vec<Index>, StoreError> {
         let command = doc! { "listIndexes": &ns.collection };
         let cursor = match self.client().database(&ns.database).run_cursor_command(command).run() {
-            Err(error) if code(&error) == NAMESPACE_NOT_FOUND => return Ok(Vec::new()),
+            Err(error) if failure::code(&error) == Some(QueryError::NAMESPACE_NOT_FOUND) => return Ok(Vec::new()),
             cursor => cursor.map_err(|e| self.explain(&e))?,
         };
         cursor
@@ -104,9 +100,7 @@ fn mentions_decay(document: &Document) -> bool {
     })
 }
 
-fn code(error: &Error) -> i32 {
-    match error.kind.as_ref() {
-        ErrorKind::Command(command) => command.code,
-        _ => 0,
-    }
+/// Whether the server says that the collection, or the index, is not there.
+fn is_missing(error: &Error) -> bool {
+    matches!(failure::code(error), Some(QueryError::NAMESPACE_NOT_FOUND | QueryError::INDEX_NOT_FOUND))
 }
