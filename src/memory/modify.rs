@@ -39,7 +39,7 @@ impl Memory {
         self.check_kept_modification(ns, &request)?;
         let upserts = matches!(request.modification, Modification::Update { upsert: true, .. });
         let work = || {
-            let store = if upserts { self.routes.of(ns)? } else { self.routes.reading(ns)? };
+            let store = self.routes.writing(ns, upserts)?;
             store.find_and_modify(ns, &request, Some(now))
         };
         self.journal.note("find-and-modify", Some(ns), |modified| u64::from(modified.is_changed), work)

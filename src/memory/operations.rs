@@ -351,7 +351,7 @@ impl Memory {
                 return Ok(ready(extended.aggregate(ns, pipeline)?));
             }
             let start = Instant::now();
-            let store = if writes { self.routes.of(ns)? } else { self.routes.reading(ns)? };
+            let store = self.routes.writing(ns, writes)?;
             let results = store.aggregate(ns, pipeline)?;
             settled(view, self.journal.watch("aggregate", ns, start, results))
         };
@@ -370,7 +370,7 @@ impl Memory {
         };
         self.check_kept_update(ns, &update)?;
         let work = || {
-            let store = if update.upsert { self.routes.of(ns)? } else { self.routes.reading(ns)? };
+            let store = self.routes.writing(ns, update.upsert)?;
             store.update(ns, &update, Some(self.clock.now()))
         };
         self.journal.note("update", Some(ns), |updated: &Updated| updated.modified, work)

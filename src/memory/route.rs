@@ -208,6 +208,11 @@ impl Routes {
         self.lazy(ns).reading()
     }
 
+    /// The store for a write: a file that is not there yet is made only where the write may insert.
+    pub(super) fn writing(&self, ns: &Namespace, inserts: bool) -> Result<&dyn Store, StoreError> {
+        if inserts { self.of(ns) } else { self.reading(ns) }
+    }
+
     /// The store for reading; none where its file is not there.
     pub(super) fn existing(&self, ns: &Namespace) -> Result<Option<&dyn Store>, StoreError> {
         self.lazy(ns).existing()
