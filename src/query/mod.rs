@@ -56,7 +56,7 @@ pub use decode::{decode, decode_but};
 pub use distinct::Distinct;
 pub use element::{extent, field};
 pub use error::{NameContext, QueryError, QueryMistake};
-pub use filter::{Filter, TextSearch, check_positional, check_upsert};
+pub use filter::{Filter, TextSearch, check_positional, check_upsert, is_positional};
 pub use geo::Near;
 pub use interruption::look_at;
 pub use javascript::{MapReduce, Merging};

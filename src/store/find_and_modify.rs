@@ -4,7 +4,7 @@ use bson::{Bson, Document, RawDocumentBuf, doc};
 
 use super::modifiers::Modifiers;
 use super::request::{Find, UpdateRequest, UpdateSpec};
-use crate::query::{QueryError, check_positional, check_upsert};
+use crate::query::{QueryError, check_positional, check_upsert, is_positional};
 
 /// What happens to the document that is found.
 #[derive(Debug, Clone)]
@@ -70,7 +70,7 @@ impl FindAndModify {
     pub(super) fn check(&self) -> Result<(), QueryError> {
         check_positional(&self.filter, &self.projection)?;
         let Modification::Update { upsert, .. } = self.modification else { return Ok(()) };
-        if self.new && self.projection.keys().any(|path| path.ends_with(".$")) {
+        if self.new && is_positional(&self.projection) {
             let message = "the positional `$` of a projection is of the document as it was, not of the new one";
             return Err(QueryError::bad_value(message));
         }

@@ -15,12 +15,18 @@ pub fn check_upsert(filter: &Document) -> Result<()> {
     }
 }
 
+/// Whether a projection shows the element of an array that the query matched.
+#[must_use]
+pub fn is_positional(projection: &Document) -> bool {
+    projection.keys().any(|path| path.ends_with(".$"))
+}
+
 /// Refuses a filter with `$expr` beside the positional `$` of a projection, as MongoDB does.
 ///
 /// # Errors
 /// Where the filter has one and the projection the other (code 224).
 pub fn check_positional(filter: &Document, projection: &Document) -> Result<()> {
-    match projection.keys().any(|path| path.ends_with(".$")) && has_expression(filter) {
+    match is_positional(projection) && has_expression(filter) {
         true => Err(not_allowed("$expr does not go with the positional `$` of a projection")),
         false => Ok(()),
     }

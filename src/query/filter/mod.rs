@@ -24,7 +24,7 @@ use super::expression::{Scope, Variables};
 use super::geo::Near;
 use super::text::TextIndex;
 use super::view::Fields;
-pub use allowed::{check_positional, check_upsert};
+pub use allowed::{check_positional, check_upsert, is_positional};
 pub(super) use parse::Parser;
 use prefilter::Prefilter;
 pub(super) use test::{Leaf, Order, Set, Test};

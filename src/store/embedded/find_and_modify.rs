@@ -3,6 +3,7 @@
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::Embedded;
+use crate::query::is_positional;
 use crate::store::find_and_modify::{id, none_of, same};
 use crate::store::{
     Find, FindAndModify, Modification, Modified, Namespace, Store as _, StoreError, Undone, UpdateRequest, UpdateSpec,
@@ -97,7 +98,8 @@ impl Steps<'_> {
 
     /// Whether the projection shows what only the query can say: the element that matched, or the score.
     fn shows_what_matched(&self) -> bool {
-        self.request.projection.iter().any(|(path, value)| path.ends_with(".$") || value.as_document().is_some())
+        let projection = &self.request.projection;
+        is_positional(projection) || projection.values().any(|value| value.as_document().is_some())
     }
 
     /// The document of a filter, as it is asked for.

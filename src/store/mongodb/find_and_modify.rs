@@ -14,7 +14,7 @@ use super::single_step::{self, Meaning, Single};
 use super::update::{Prediction, as_it_was, is_replacement, predict, with_updated, without_metadata};
 use super::{MongoDb, failure};
 use crate::query::collation::during;
-use crate::query::{Collation, Filter, Projection, QueryError, Update, constants};
+use crate::query::{Collation, Filter, Projection, QueryError, Update, constants, is_positional};
 use crate::store::find_and_modify::{id, none_of, same};
 use crate::store::index;
 use crate::store::metadata::{self, INFO, UPDATED};
@@ -123,7 +123,7 @@ impl MongoDb {
         if let Some(Single { request: single, meaning }) = single_step::with_metadata(update, at)?.next() {
             // What is shown may fail when the document is changed already, which is no mistake of a pipeline, and may be an
             // element that the filter matched.
-            let is_plain = || request.projection.iter().all(|(path, value)| !path.ends_with(".$") && is_choice(value));
+            let is_plain = || !is_positional(&request.projection) && request.projection.values().all(is_choice);
             let fits = match meaning {
                 Meaning::Whole => true,
                 Meaning::IfDifferent => is_plain(),
