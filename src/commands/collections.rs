@@ -7,13 +7,15 @@ use super::{Context, formats};
 use crate::error::Result;
 use crate::exit::Exit;
 use crate::formats::shell;
+use crate::memory::Listed;
+use crate::store::index;
 use crate::store::validation::collection_options;
 
 /// List the collections
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem collections", arg = formats::argument(&formats::TEXT))]
 pub struct CollectionsArgs {
-    /// Print the options of each collection, too: its validator and its collation
+    /// Print the options of each collection, too: its validator and its collation; of a view, its definition
     #[arg(long)]
     pub options: bool,
 }
@@ -30,8 +32,12 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
     }
     let mut described = Vec::with_capacity(names.len());
     for name in names {
-        let (validation, collation) = (memory.validation(&name)?, memory.collation(&name)?);
-        let options = collection_options(validation.as_ref(), collation.as_ref());
+        let options = match memory.collection_or_view(&name)? {
+            Listed::Collection(indexes) => {
+                collection_options(memory.validation(&name)?.as_ref(), index::collation(&indexes).as_ref())
+            }
+            Listed::View(definition) => definition,
+        };
         let line = format!("{name} {}", shell::relaxed(&options));
         described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));
     }

@@ -8,7 +8,6 @@ use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, doc};
 
 use super::Memory;
-use super::sharing::NOT_ON_VIEW;
 use crate::query::QueryError;
 use crate::store::{Find, Index, Namespace, StoreError, index, metadata};
 
@@ -50,8 +49,8 @@ impl Memory {
     ) -> Result<(), StoreError> {
         for ns in collections.iter().filter(|ns| !ns.is_own()) {
             let expired = match self.expire_collection(ns, restart) {
-                // What another client shows as a collection has no documents of its own.
-                Err(StoreError::Query(refusal)) if refusal.code == NOT_ON_VIEW => continue,
+                // Of what another client shows as a collection, or keeps as a time series, nothing can be removed so.
+                Err(StoreError::Query(_)) if self.routes.of(ns)?.view(ns)?.is_some() => continue,
                 expired => expired?,
             };
             if expired != Expired::default() {

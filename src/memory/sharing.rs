@@ -10,7 +10,7 @@ use crate::query::Collation;
 use crate::store::{ChangePage, Index, Kept, Namespace, Scope, Since, Store, StoreError, Validation, index};
 
 /// MongoDB's code for what a view has not.
-pub(super) const NOT_ON_VIEW: i32 = 166;
+const NOT_ON_VIEW: i32 = 166;
 
 /// What has a name in a database.
 #[derive(Debug, Clone, PartialEq)]

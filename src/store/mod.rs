@@ -374,7 +374,8 @@ pub trait Store: Send {
     /// Frees what the store keeps in this process of what was read.
     fn free_cache(&self) {}
 
-    /// How a view is defined (`viewOn`, `pipeline`); none where the name is that of a collection, or of nothing.
+    /// How a view (`viewOn`, `pipeline`) or a time series (`timeseries`) is defined; none where the name is that of a
+    /// collection of documents, or of nothing.
     fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
         let _ = ns;
         Ok(None)

@@ -26,13 +26,13 @@ pub(super) fn action(action: ValidationAction) -> options::ValidationAction {
 impl MongoDb {
     /// What a collection says of the documents that it takes.
     pub(super) fn validation_of(&self, ns: &Namespace) -> Result<Option<Validation>, StoreError> {
-        let Some(options) = self.options_of(ns, "collection")? else { return Ok(None) };
+        let Some(options) = self.options_of(ns, &["collection"])? else { return Ok(None) };
         Ok(Some(Validation::read(&options)?).filter(|validation| !validation.is_empty()))
     }
 
     /// The options of what has a name, a `collection` or a `view`; none where there is no such one.
-    pub(super) fn options_of(&self, ns: &Namespace, kind: &str) -> Result<Option<Document>, StoreError> {
-        let command = doc! { "listCollections": 1, "filter": { "name": &ns.collection, "type": kind } };
+    pub(super) fn options_of(&self, ns: &Namespace, kinds: &[&str]) -> Result<Option<Document>, StoreError> {
+        let command = doc! { "listCollections": 1, "filter": { "name": &ns.collection, "type": { "$in": kinds } } };
         let database = self.client().database(&ns.database);
         let mut listed = database.run_cursor_command(command).run().map_err(|e| self.explain(&e))?;
         let found = listed.next().transpose().map_err(|e| self.explain(&e))?;

@@ -180,7 +180,7 @@ impl Store for MongoDb {
     }
 
     fn view(&self, ns: &Namespace) -> Result<Option<Document>, StoreError> {
-        self.options_of(ns, "view")
+        self.options_of(ns, &["view", "timeseries"])
     }
 
     fn collections(&self) -> Result<Vec<Namespace>, StoreError> {
