@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bson::DateTime;
+use bson::{DateTime, RawDocumentBuf};
 
 use super::key_options::keep_record_id;
 use super::{Documents, Find, StoreError};
@@ -71,18 +71,24 @@ impl Parsed {
             (0, usize::MAX) => ordered,
             (skip, limit) => Box::new(ordered.skip(skip).take(limit)),
         };
-        let (now, filter) = (DateTime::now(), self.filter);
+        let now = DateTime::now();
         Ok(match self.projection {
             None => chosen,
-            Some(projection) => Box::new(chosen.map(move |document| {
-                let document = document?;
-                let mut projected = projection.apply(&document, &filter, now)?;
-                if self.is_placed {
-                    keep_record_id(&document, &mut projected);
-                }
-                Ok(projected)
-            })),
+            Some(_) => Box::new(chosen.map(move |document| Ok(self.shown(document?, now)?))),
         })
+    }
+
+    /// A match as it is asked for.
+    ///
+    /// # Errors
+    /// Where the projection fails on it.
+    pub(crate) fn shown(&self, document: RawDocumentBuf, now: DateTime) -> Result<RawDocumentBuf, QueryError> {
+        let Some(projection) = &self.projection else { return Ok(document) };
+        let mut shown = projection.apply(&document, &self.filter, now)?;
+        if self.is_placed {
+            keep_record_id(&document, &mut shown);
+        }
+        Ok(shown)
     }
 }
 

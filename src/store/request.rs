@@ -4,6 +4,7 @@ use bson::{Bson, Document};
 
 use super::key_options::KeyOptions;
 use super::modifiers::Modifiers;
+use crate::query::{QueryError, Update};
 
 /// Which documents are meant. A filter alone is a query without modifiers.
 ///
@@ -96,6 +97,22 @@ pub enum UpdateSpec {
     Document(Document),
     /// `[{$set: …}, …]`.
     Pipeline(Vec<Document>),
+}
+
+impl UpdateSpec {
+    /// Compiles the update.
+    ///
+    /// # Errors
+    /// Where it is none, or a pipeline with array filters.
+    pub(crate) fn compile(&self, array_filters: &[Document], constants: &Document) -> Result<Update, QueryError> {
+        match self {
+            Self::Document(document) => Update::parse(document, array_filters),
+            Self::Pipeline(_) if !array_filters.is_empty() => {
+                Err(QueryError::failed_to_parse("a pipeline takes no array filters"))
+            }
+            Self::Pipeline(stages) => Update::parse_pipeline_with(stages, constants),
+        }
+    }
 }
 
 impl Default for UpdateSpec {

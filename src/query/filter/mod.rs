@@ -127,7 +127,11 @@ impl Filter {
     /// it matches by one. The positional `$` stands for it.
     pub(super) fn position(&self, fields: Fields<'_>, now: DateTime) -> Result<Option<usize>> {
         let mut context = Context { now: Some(now), ..self.context() };
-        Ok(if self.root.matches(fields, &mut context)? { context.position } else { None })
+        if !self.root.matches(fields, &mut context)? {
+            context = Context { now: Some(now), is_known: true, ..self.context() };
+            self.root.matches(fields, &mut context)?;
+        }
+        Ok(context.position)
     }
 
     fn context(&self) -> Context<'_> {

@@ -146,7 +146,7 @@ impl GraphLookup {
 
     fn passes<E>(&self, document: &RawDocumentBuf, run: &Run<'_, E>) -> Result<bool> {
         let Some(filter) = &self.restrict else { return Ok(true) };
-        let mut context = Context { position: None, now: Some(run.now), variables: Some(&run.variables) };
+        let mut context = Context { now: Some(run.now), variables: Some(&run.variables), ..Context::default() };
         filter.matches_with((&**document).into(), &mut context)
     }
 }

@@ -88,7 +88,7 @@ impl GeoNear {
         let mut placed: Vec<(f64, RawDocumentBuf)> = Vec::new();
         for document in input {
             let document = document?;
-            let mut context = Context { position: None, now: Some(run.now), variables: Some(&run.variables) };
+            let mut context = Context { now: Some(run.now), variables: Some(&run.variables), ..Context::default() };
             if !self.query.matches_with((&*document).into(), &mut context)? {
                 continue;
             }

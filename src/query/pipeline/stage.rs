@@ -79,7 +79,8 @@ impl Stage {
         match self {
             Self::Match(filter) => Box::new(input.filter_map(move |document| match document {
                 Ok(document) => {
-                    let mut context = Context { position: None, now: Some(run.now), variables: Some(&run.variables) };
+                    let mut context =
+                        Context { now: Some(run.now), variables: Some(&run.variables), ..Context::default() };
                     match filter.matches_with((&*document).into(), &mut context) {
                         Ok(true) => Some(Ok(document)),
                         Ok(false) => None,

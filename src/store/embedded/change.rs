@@ -14,9 +14,7 @@ use super::scan::Found;
 use super::slices::Selection;
 use super::{Embedded, body as stored, failure};
 use crate::query::{Filter, QueryError, Update, check_upsert, constants, key};
-use crate::store::{
-    ChangeKind, Namespace, Put, Query, StoreError, UpdateRequest, UpdateSpec, Updated, document, metadata,
-};
+use crate::store::{ChangeKind, Namespace, Put, Query, StoreError, UpdateRequest, Updated, document, metadata};
 
 /// MongoDB's code for an attempt to change an `_id`.
 const IMMUTABLE_FIELD: i32 = 66;
@@ -44,10 +42,10 @@ impl Embedded {
             &mut filter,
             // What rmem keeps for itself may be asked for after its time.
             Selection { most, hint: request.modifiers.hint.as_ref(), is_sweeping: !ns.is_own() },
-            &mut |collection, found| self.change_one(ns, collection, found, &change),
+            &mut |collection, found| Ok(self.change_one(ns, collection, found, &change)?.is_some()),
             &mut || {
                 if request.upsert {
-                    upserted = Some(self.upsert(ns, request, &change)?);
+                    upserted = Some(self.upsert(ns, &request.filter, &change)?.0);
                 }
                 Ok(())
             },
@@ -55,31 +53,39 @@ impl Embedded {
         Ok(Updated { matched: met.matched, modified: met.changed, upserted })
     }
 
-    fn change_one(
+    /// Applies an update to a document; returns it as it is afterwards, where it is different. In a write transaction only.
+    pub(super) fn change_one(
         &self,
         ns: &Namespace,
         collection: Collection,
         found: &Found,
         change: &Change,
-    ) -> Result<bool, StoreError> {
-        let Some(body) = change.apply(&found.body)? else { return Ok(false) };
+    ) -> Result<Option<RawDocumentBuf>, StoreError> {
+        let Some(body) = change.apply(&found.body)? else { return Ok(None) };
         document::vet(&body)?;
         if id_key(&body)? != id_key(&found.body)? {
             return Err(QueryError::invalid(IMMUTABLE_FIELD, "the _id of a document cannot change").into());
         }
         self.rewrite(ns, collection, found, &body, change.kind())?;
-        Ok(true)
+        Ok(Some(body))
     }
 
-    fn upsert(&self, ns: &Namespace, request: &UpdateRequest, change: &Change) -> Result<Bson, StoreError> {
-        let mut body = change.update.upsert(&request.filter, change.now)?;
+    /// Inserts what a filter that nothing matches and an update describe; returns its `_id`, and it. In a write transaction
+    /// only.
+    pub(super) fn upsert(
+        &self,
+        ns: &Namespace,
+        filter: &Document,
+        change: &Change,
+    ) -> Result<(Bson, RawDocumentBuf), StoreError> {
+        let mut body = change.update.upsert(filter, change.now)?;
         if let Some(at) = change.timestamp {
             body = metadata::upsert(&body, at)?;
         }
         let id = document::vet(&body)?;
         let collection = self.ensure(ns)?;
         self.add(ns, collection, &id, &body)?;
-        Ok(id)
+        Ok((id, body))
     }
 
     /// Stores documents in one transaction, each in place of the one with its `_id`.
@@ -132,6 +138,16 @@ impl Embedded {
                 Ok(())
             }
         }
+    }
+
+    /// The document at a position where one was found in the same transaction.
+    pub(super) fn at(&self, collection: Collection, position: i64) -> Result<Found, StoreError> {
+        let sql = format!("SELECT body FROM {} WHERE position = ?", collection.table());
+        let read = self.connection.prepare_cached(&sql);
+        let bytes: Vec<u8> = read
+            .and_then(|mut statement| statement.query_row([position], |row| row.get(0)))
+            .map_err(|e| self.explain(&e))?;
+        Ok(Found { position, body: self.opened(collection, &bytes)? })
     }
 
     /// The stored document with the `_id` of `document`.
@@ -228,7 +244,7 @@ impl Embedded {
 }
 
 /// A parsed update request.
-struct Change {
+pub(super) struct Change {
     /// By which a document matched, where the update looks at that; else an empty one.
     filter: Filter,
     update: Update,
@@ -237,17 +253,15 @@ struct Change {
 }
 
 impl Change {
-    fn parse(request: &UpdateRequest, timestamp: Option<DateTime>, constants: &Document) -> Result<Self, QueryError> {
+    pub(super) fn parse(
+        request: &UpdateRequest,
+        timestamp: Option<DateTime>,
+        constants: &Document,
+    ) -> Result<Self, QueryError> {
         if timestamp.is_some() {
             metadata::check_update(&request.update)?;
         }
-        let update = match &request.update {
-            UpdateSpec::Document(update) => Update::parse(update, &request.array_filters)?,
-            UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => {
-                return Err(QueryError::failed_to_parse("a pipeline takes no array filters"));
-            }
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, constants)?,
-        };
+        let update = request.update.compile(&request.array_filters, constants)?;
         if request.many && update.is_replacement() {
             return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
@@ -255,6 +269,11 @@ impl Change {
         let filter = if update.is_positional() { &request.filter } else { &none };
         let filter = Filter::parse_with_constants(filter, constants)?;
         Ok(Self { filter, update, now: timestamp.unwrap_or_else(DateTime::now), timestamp })
+    }
+
+    /// By which a document matched, where the update looks at that.
+    pub(super) fn filter(&self) -> &Filter {
+        &self.filter
     }
 
     /// The kind of change, for watchers.

@@ -1,14 +1,20 @@
-//! Finding a document and changing it in one step: the operations of which it consists, in one transaction.
+//! Finding a document and changing it in one step: one transaction, in which the query is asked once. A query whose answer is
+//! not always the same (`$rand`) so names the document that is changed.
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use std::sync::Arc;
+
+use bson::{DateTime, RawDocumentBuf};
 
 use super::Embedded;
-use crate::query::is_positional;
-use crate::store::find_and_modify::{id, none_of, same};
-use crate::store::{
-    Find, FindAndModify, Modification, Modified, Namespace, Store as _, StoreError, Undone, UpdateRequest, UpdateSpec,
-    Updated, as_step,
-};
+use super::catalog::Collection;
+use super::change::Change;
+use super::scan::{Found, Scan};
+use super::search::scored;
+use crate::query::collation::during;
+use crate::query::{QueryError, Spill, constants, text};
+use crate::store::key_options::record_id;
+use crate::store::parsed::Parsed;
+use crate::store::{Documents, Find, FindAndModify, Modification, Modified, Namespace, StoreError};
 
 /// MongoDB's code for a name of a field that begins with `$`.
 const DOLLAR_PREFIXED: i32 = 52;
@@ -20,104 +26,96 @@ impl Embedded {
         request: &FindAndModify,
         timestamp: Option<DateTime>,
     ) -> Result<Modified, StoreError> {
-        let steps = Steps { store: self, ns, request, timestamp };
-        let work = || match steps.run() {
-            // Of several mistakes, that of the update is the first.
-            Err(StoreError::Query(mistake)) => Err(steps.check(Document::new()).err().unwrap_or(mistake.into())),
-            done => done,
-        };
-        as_step(|step| self.atomically(step), work).map_err(|undone| match undone {
-            Undone::Work(error) | Undone::Store(error) => error,
-        })
+        let _deleting = matches!(request.modification, Modification::Remove).then(|| self.deleting());
+        let collation = self.collation(self.collection(ns)?, &request.modifiers)?;
+        during(collation.as_ref(), || self.write(|| self.modify(ns, request, timestamp)))
     }
-}
 
-/// The operations of which it consists.
-struct Steps<'a> {
-    store: &'a Embedded,
-    ns: &'a Namespace,
-    request: &'a FindAndModify,
-    timestamp: Option<DateTime>,
-}
-
-impl Steps<'_> {
-    fn run(&self) -> Result<Modified, StoreError> {
-        self.request.check()?;
-        let found = self.first(&self.request.find(doc! { "_id": 1 }))?;
-        let id = found.map(|found| id(&found)).transpose()?;
-        // The query is asked for no other document, also where its answer is not always the same (`$rand`); it is repeated only
-        // where what it matched determines which element `$` is.
-        let filter = match &id {
-            Some(id) if self.is_positional() => doc! { "$and": [self.request.filter.clone(), exactly(id)] },
-            Some(id) => exactly(id),
-            None => self.request.filter.clone(),
+    fn modify(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        timestamp: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
+        // Of several mistakes, that of the update is the first.
+        let constants = constants(&request.modifiers.variables)?;
+        let update = request.update_of(request.filter.clone());
+        let change = match update.as_ref().map(|update| Change::parse(update, timestamp, &constants)) {
+            // Names of fields are for the document itself.
+            Some(Err(mistake)) if mistake.code != DOLLAR_PREFIXED => return Err(mistake.into()),
+            change => change,
         };
-        // Where there is nothing to show, the projection is still checked.
-        let before = match (self.request.new, &id) {
-            (true, Some(_)) => None,
-            (false, Some(_)) if !self.shows_what_matched() => self.shown(filter.clone())?,
-            _ => self.first(&self.request.find(self.request.projection.clone()))?,
-        };
-        let Some(update) = self.request.update_of(filter) else { return self.remove(id, before) };
-        if id.is_none() && !update.upsert {
-            self.check(self.request.filter.clone())?;
-            return Ok(Modified::default());
+        request.check()?;
+        let find = request.find(request.projection.clone());
+        let mut parsed = Parsed::of(&find)?;
+        let collection = self.collection(ns)?;
+        if let (Some(collection), Some(_), false) = (collection, &change, ns.is_own()) {
+            self.sweep(ns, collection)?;
         }
-        let Updated { modified, upserted, .. } = self.store.update(self.ns, &update, self.timestamp)?;
-        let document = match (self.request.new, id.as_ref().or(upserted.as_ref())) {
-            (true, Some(id)) => self.shown(exactly(id))?,
-            _ => before,
+        let found = match collection {
+            Some(collection) => self.first(collection, &find, &mut parsed)?.map(|found| (collection, found)),
+            None => None,
         };
-        Ok(Modified { document, is_found: id.is_some(), is_changed: modified > 0 || upserted.is_some(), upserted })
-    }
-
-    fn remove(&self, id: Option<Bson>, document: Option<RawDocumentBuf>) -> Result<Modified, StoreError> {
-        let Some(id) = id else { return Ok(Modified::default()) };
-        self.store.delete(self.ns, (&same(&id)).into(), true)?;
-        Ok(Modified { document, is_found: true, is_changed: true, upserted: None })
-    }
-
-    /// Refuses an update that is wrong, also where there is nothing to update; names of fields are for the document itself.
-    fn check(&self, filter: Document) -> Result<(), StoreError> {
-        let Some(update) = self.request.update_of(none_of(&filter)) else { return Ok(()) };
-        let nothing = UpdateRequest { upsert: false, ..update };
-        match self.store.update(self.ns, &nothing, self.timestamp) {
-            Err(StoreError::Query(error)) if error.code == DOLLAR_PREFIXED => Ok(()),
-            done => done.map(|_| ()),
+        let shown = Shown { parsed, is_new: request.new, now: timestamp.unwrap_or_else(DateTime::now) };
+        match (found, change) {
+            (Some((collection, found)), None) => {
+                self.erase(ns, collection, &found)?;
+                Ok(shown.change(found.body, None, true)?)
+            }
+            (Some((collection, found)), Some(change)) => {
+                let change = change?;
+                self.bind_search(ns, change.filter())?;
+                let after = self.change_one(ns, collection, &found, &change)?;
+                let is_changed = after.is_some();
+                Ok(shown.change(found.body, after, is_changed)?)
+            }
+            (None, Some(change)) if update.is_some_and(|update| update.upsert) => {
+                let (id, body) = self.upsert(ns, &request.filter, &change?)?;
+                let document = if request.new { Some(shown.of(body, None)?) } else { None };
+                Ok(Modified { document, is_found: false, is_changed: true, upserted: Some(id) })
+            }
+            (None, _) => Ok(Modified::default()),
         }
     }
 
-    /// Whether the update has a positional `$`.
-    fn is_positional(&self) -> bool {
-        let Modification::Update { update: UpdateSpec::Document(update), .. } = &self.request.modification else {
-            return false;
-        };
-        let mut paths = update.values().filter_map(Bson::as_document).flat_map(Document::keys);
-        paths.any(|path| path.split('.').any(|part| part == "$"))
-    }
-
-    /// Whether the projection shows what only the query can say: the element that matched, or the score.
-    fn shows_what_matched(&self) -> bool {
-        let projection = &self.request.projection;
-        is_positional(projection) || projection.values().any(|value| value.as_document().is_some())
-    }
-
-    /// The document of a filter, as it is asked for.
-    fn shown(&self, filter: Document) -> Result<Option<RawDocumentBuf>, StoreError> {
-        let modifiers = self.request.modifiers.without_hint();
-        let find = self.request.find(self.request.projection.clone());
-        self.first(&Find { filter, sort: Document::new(), modifiers, ..find })
-    }
-
-    fn first(&self, find: &Find) -> Result<Option<RawDocumentBuf>, StoreError> {
-        self.store.find(self.ns, find)?.next().transpose()
+    /// The first match.
+    fn first(&self, collection: Collection, find: &Find, parsed: &mut Parsed) -> Result<Option<Found>, StoreError> {
+        let scan = Scan::sorted(self, collection, &mut parsed.filter, &parsed.sort, find.into())?;
+        if scan.in_order() {
+            return scan.at_most(1).up_to_failure().next().transpose();
+        }
+        let matches: Documents<'_> = Box::new(scan.map(|found| found.map(Found::with_position)));
+        let matches = if parsed.is_scored { scored(matches, Arc::clone(&parsed.filter)) } else { matches };
+        let first = parsed.sort.sort(matches, Some(1), &Spill::default())?.next().transpose()?;
+        first.and_then(|first| record_id(&first)).map(|position| self.at(collection, position)).transpose()
     }
 }
 
-/// A document's `_id`, also where strings compare by a collation: by a pattern, which compares bytes.
-fn exactly(id: &Bson) -> Document {
-    let Bson::String(text) = id else { return same(id) };
-    let escape = |c: char| if c.is_ascii_punctuation() { format!("\\{c}") } else { c.to_string() };
-    let escaped: String = text.chars().map(escape).collect();
-    doc! { "_id": { "$regex": format!("^{escaped}\\z") } }
+/// What is returned of the document that was found.
+struct Shown {
+    parsed: Parsed,
+    is_new: bool,
+    now: DateTime,
+}
+
+impl Shown {
+    /// The document before or after a change, with the score by which it was found; after none, it is as it was.
+    fn change(
+        &self,
+        before: RawDocumentBuf,
+        after: Option<RawDocumentBuf>,
+        is_changed: bool,
+    ) -> Result<Modified, QueryError> {
+        let search = self.parsed.filter.search().filter(|_| self.parsed.is_scored);
+        let score = search.map(|search| search.score(&before)).transpose()?.flatten();
+        let document = after.filter(|_| self.is_new).unwrap_or(before);
+        Ok(Modified { document: Some(self.of(document, score)?), is_found: true, is_changed, upserted: None })
+    }
+
+    fn of(&self, document: RawDocumentBuf, score: Option<f64>) -> Result<RawDocumentBuf, QueryError> {
+        match score {
+            None => self.parsed.shown(document, self.now),
+            Some(score) => text::without_score(self.parsed.shown(text::with_score(&document, score)?, self.now)?),
+        }
+    }
 }
