@@ -7,8 +7,9 @@ use super::record::COLLECTION;
 use super::registry::Registry;
 use crate::formats::shell;
 use crate::memory::Memory;
-use crate::query::{Filter, QueryError, Update, constants};
-use crate::store::{Find, FindAndModify, Namespace, StoreError, UpdateRequest, UpdateSpec};
+use crate::query::collation::during;
+use crate::query::{Filter, QueryError, constants};
+use crate::store::{Find, FindAndModify, Namespace, StoreError, UpdateRequest};
 
 impl Memory {
     /// Refuses documents that are no computables where only these are kept.
@@ -24,12 +25,17 @@ impl Memory {
         if ns.collection != COLLECTION {
             return Ok(());
         }
+        let collation = match &request.modifiers.collation {
+            Some(own) => Some(own.clone()),
+            None => self.collation(ns)?,
+        };
+        during(collation.as_ref(), || self.check_update_of_kept(ns, request))
+    }
+
+    fn check_update_of_kept(&self, ns: &Namespace, request: &UpdateRequest) -> Result<(), StoreError> {
         let now = self.clock.now();
         let constants = constants(&request.modifiers.variables)?;
-        let update = match &request.update {
-            UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
-            UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &constants),
-        }?;
+        let update = request.update.compile(&request.array_filters, &constants)?;
         let filter = Filter::parse_with_constants(&request.filter, &constants)?;
         let modifiers = request.modifiers.without_hint();
         let find = Find { filter: request.filter.clone(), modifiers, ..Find::default() };
