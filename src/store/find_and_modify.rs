@@ -1,6 +1,6 @@
 //! Finding a document and changing it in one step: what a queue of work or a counter needs.
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf};
 
 use super::modifiers::Modifiers;
 use super::request::{Find, UpdateRequest, UpdateSpec};
@@ -82,20 +82,4 @@ impl FindAndModify {
         let (filter, sort, modifiers) = (self.filter.clone(), self.sort.clone(), self.modifiers.clone());
         Find { filter, sort, limit: 1, projection, modifiers, current: true, ..Find::default() }
     }
-}
-
-/// The `_id` of a document.
-pub(super) fn id(document: &RawDocumentBuf) -> Result<Bson, QueryError> {
-    let id = document.get("_id")?.map(Bson::try_from).transpose()?;
-    Ok(id.unwrap_or(Bson::Null))
-}
-
-/// A filter that matches nothing and contains another, so that it is checked.
-pub(super) fn none_of(filter: &Document) -> Document {
-    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
-}
-
-/// The filter for the document with an `_id`.
-pub(super) fn same(id: &Bson) -> Document {
-    doc! { "_id": { "$eq": id } }
 }

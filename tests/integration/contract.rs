@@ -72,6 +72,11 @@ const CASES: &[(&str, Case)] = cases![
     what_the_memory_notes_cannot_be_changed,
     a_pipeline_cannot_lose_when_a_document_was_inserted,
     the_first_match_is_changed_and_returned,
+    what_is_found_by_chance_is_what_is_changed,
+    documents_with_any_id_are_found_and_changed,
+    a_change_compares_as_the_collection_does,
+    the_score_of_what_is_changed_is_shown,
+    a_document_takes_what_a_command_has_room_for,
     the_metadata_that_is_returned_is_that_of_the_change,
     putting_replaces_by_id,
     deleting_the_first_leaves_the_others,
@@ -1044,6 +1049,99 @@ fn the_first_match_is_changed_and_returned(store: &dyn Store, ns: &Namespace) {
     let again = FindAndModify { new: false, ..upsert };
     assert_eq!(done(&again), found(doc! { "_id": 7, "m": 1 }, true));
     assert_eq!(store.count(ns, (&doc! { "_id": 7, "m": 2 }).into()).unwrap(), 1);
+}
+
+fn what_is_found_by_chance_is_what_is_changed(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, (1..=6).map(|id| doc! { "_id": id, "l": [id, 0] }).collect::<Vec<_>>());
+    let half = doc! { "$expr": { "$lt": [{ "$rand": {} }, 0.5] } };
+    let by_chance = |n: i32| FindAndModify {
+        filter: half.clone(),
+        sort: doc! {},
+        projection: doc! { "_robmem_info": 0, "l": { "$slice": 1 } },
+        ..first(doc! { "$set": { "q.r": n } })
+    };
+    for n in 1..=20 {
+        let request = FindAndModify { new: n % 2 == 0, ..by_chance(n) };
+        let (document, is_found, is_changed, _) = modified(store, ns, &request);
+        assert_eq!((document.is_some(), is_changed), (is_found, is_found));
+        if let Some(document) = document {
+            assert_eq!(ids(store, ns, doc! { "q.r": n }), [document.get_i32("_id").unwrap()]);
+        }
+    }
+    for _ in 0..10 {
+        let before = ids(store, ns, doc! {});
+        let request = FindAndModify { new: false, modification: Modification::Remove, ..by_chance(0) };
+        let gone = modified(store, ns, &request).0.map(|document| document.get_i32("_id").unwrap());
+        let wanted: Vec<i32> = before.into_iter().filter(|id| Some(*id) != gone).collect();
+        assert_eq!(ids(store, ns, doc! {}), wanted);
+    }
+}
+
+fn documents_with_any_id_are_found_and_changed(store: &dyn Store, ns: &Namespace) {
+    let long = "/".repeat(17_000);
+    for id in ["a\0b", "", "^a.$", long.as_str()] {
+        insert(store, ns, [doc! { "_id": id }]);
+        let inc = FindAndModify { filter: doc! { "_id": id }, ..first(doc! { "$inc": { "n": 1 } }) };
+        assert_eq!(modified(store, ns, &inc).0, Some(doc! { "_id": id, "n": 1 }));
+        let remove = FindAndModify { new: false, modification: Modification::Remove, ..inc };
+        assert!(modified(store, ns, &remove).1);
+        assert_eq!(store.count(ns, (&doc! {}).into()).unwrap(), 0);
+    }
+}
+
+fn a_change_compares_as_the_collection_does(store: &dyn Store, ns: &Namespace) {
+    let Ok(collation) = Collation::parse(&doc! { "locale": "en", "strength": 2 }) else {
+        return; // This build has no collations.
+    };
+    assert!(store.create(ns, Some(&collation)).unwrap());
+    let (pull, add) = (doc! { "$pull": { "l": "A" } }, doc! { "$addToSet": { "l": "B" } });
+    for id in [1, 2] {
+        insert(store, ns, [doc! { "_id": id, "l": ["a", "b"] }]);
+        let is_changed = |change: &Document| match id {
+            1 => modified(store, ns, &FindAndModify { filter: doc! { "_id": id }, ..first(change.clone()) }).2,
+            _ => store.update(ns, &update(doc! { "_id": id }, change.clone()), Some(instant(9))).unwrap().modified == 1,
+        };
+        assert!(!is_changed(&add));
+        assert!(ids(store, ns, doc! { "_id": id, "_robmem_info.updated": instant(9) }).is_empty());
+        assert!(is_changed(&pull));
+        assert_eq!(ids(store, ns, doc! { "_id": id, "_robmem_info.updated": instant(9), "l": ["b"] }), [id]);
+    }
+}
+
+fn the_score_of_what_is_changed_is_shown(store: &dyn Store, ns: &Namespace) {
+    store.create_index(ns, &Index::on(doc! { "t": "text" })).unwrap();
+    let shown = |new, upsert, words: &str, change: Document| FindAndModify {
+        filter: doc! { "$text": { "$search": words } },
+        new,
+        modification: Modification::Update { update: UpdateSpec::Document(change), array_filters: Vec::new(), upsert },
+        sort: doc! {},
+        projection: doc! { "_id": 1, "s": { "$meta": "textScore" } },
+        ..first(doc! {})
+    };
+    for new in [false, true] {
+        insert(store, ns, [doc! { "_id": 1, "t": "cup" }]);
+        let change = doc! { "$set": { "n.m": 1, "t": "plum" } };
+        let document = modified(store, ns, &shown(new, false, "cup", change)).0.unwrap();
+        assert!(document.get_f64("s").unwrap() > 1.0, "{document}");
+        assert_eq!(store.delete(ns, (&doc! { "t": "plum" }).into(), false).unwrap(), 1);
+    }
+    let upsert = shown(true, true, "pear", doc! { "$set": { "_id": 7 } });
+    assert_eq!(modified(store, ns, &upsert).0, Some(doc! { "_id": 7 }));
+}
+
+fn a_document_takes_what_a_command_has_room_for(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1 }]);
+    for (n, id) in [("a", doc! { "_id": 1 }), ("b", doc! { "_id": { "$lt": 2 } })] {
+        let large = update(id.clone(), doc! { "$set": { "x": n.repeat(9 << 20) } });
+        assert_eq!(store.update(ns, &large, Some(instant(5))).unwrap(), changed(1, 1));
+        assert_eq!(store.update(ns, &large, Some(instant(6))).unwrap(), changed(1, 0));
+        let request = FindAndModify {
+            filter: id,
+            projection: doc! { "_id": 1 },
+            ..first(doc! { "$set": { "x": n.repeat(8 << 20) } })
+        };
+        assert_eq!(modified(store, ns, &request), (Some(doc! { "_id": 1 }), true, true, None));
+    }
 }
 
 fn the_metadata_that_is_returned_is_that_of_the_change(store: &dyn Store, ns: &Namespace) {

@@ -10,13 +10,13 @@ use mongodb::options::{ReturnDocument, UpdateModifications};
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::dates::path;
+use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
-use super::update::{Prediction, as_it_was, is_replacement, predict, with_updated, without_metadata};
+use super::update::{as_it_was, is_replacement, with_updated, without_metadata};
 use super::{MongoDb, failure};
 use crate::query::collation::during;
-use crate::query::{Collation, Filter, Projection, QueryError, Update, constants, is_positional};
-use crate::store::find_and_modify::{id, none_of, same};
-use crate::store::index;
+use crate::query::text::asks_for_score;
+use crate::query::{Collation, Filter, Projection, QueryError, constants, is_positional};
 use crate::store::metadata::{self, INFO, UPDATED};
 use crate::store::{
     Find, FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest,
@@ -78,24 +78,39 @@ impl MongoDb {
         at: Option<DateTime>,
     ) -> Result<Modified, StoreError> {
         let Some(update) = request.update_of(request.filter.clone()) else { return Ok(Modified::default()) };
+        match self.change_in_attempts(ns, request, &update, at) {
+            Err(StoreError::Query(mistake)) if at.is_some() => {
+                // Of several mistakes, that of the update is the first.
+                let (filter, projection) = (Document::new(), Document::new());
+                self.check(ns, &FindAndModify { filter, projection, ..request.clone() }, &update)?;
+                Err(mistake.into())
+            }
+            done => done,
+        }
+    }
+
+    /// Changes the first match, also where others change it meanwhile.
+    fn change_in_attempts(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        update: &UpdateRequest,
+        at: Option<DateTime>,
+    ) -> Result<Modified, StoreError> {
         if at.is_some() {
             metadata::check_update(&update.update)?;
-            if let Err(mistake) = request.check().and_then(|()| Shown::parse(request, None).map(drop)) {
-                // Of several mistakes, that of the update is the first.
-                self.check(ns, request, &update, &Document::new())?;
-                return Err(mistake.into());
-            }
+            request.check()?;
         }
         for attempt in 0..ATTEMPTS {
             let done = match at {
-                Some(at) => self.change_with_metadata(ns, request, &update, at)?,
-                None => self.as_it_is(ns, request, &update)?,
+                Some(at) => self.change_with_metadata(ns, request, update, at)?,
+                None => self.as_it_is(ns, request, update)?,
             };
             match done {
                 Attempt::Done(modified) => return Ok(modified),
                 Attempt::Overtaken => std::thread::sleep(PAUSE * attempt),
                 Attempt::Unmatched if update.upsert => {
-                    if let Some(inserted) = self.insert_unmatched(ns, request, &update, at)? {
+                    if let Some(inserted) = self.insert_unmatched(ns, request, update, at)? {
                         return Ok(inserted);
                     }
                 }
@@ -140,24 +155,16 @@ impl MongoDb {
             }
         }
         let Some(before) = self.find(ns, &request.find(Document::new()))?.next().transpose()? else {
-            self.check(ns, request, update, &request.filter)?;
+            self.check(ns, request, update)?;
             return Ok(Attempt::Unmatched);
         };
         self.change_what_is_read(ns, request, update, before, at)
     }
 
-    /// An update of nothing is checked by the server, too.
-    fn check(
-        &self,
-        ns: &Namespace,
-        request: &FindAndModify,
-        update: &UpdateRequest,
-        filter: &Document,
-    ) -> Result<(), StoreError> {
-        let (filter, projection) = (none_of(filter), Document::new());
-        let nothing =
-            Change { filter, projection: &projection, ..Change::asked(request, update, update.update.clone()) };
-        self.change_one(ns, nothing).map(drop)
+    /// Has the server check the request, by a change of nothing.
+    fn check(&self, ns: &Namespace, request: &FindAndModify, update: &UpdateRequest) -> Result<(), StoreError> {
+        let filter = none_of(&request.filter);
+        self.change_one(ns, Change { filter, ..Change::asked(request, update, update.update.clone()) }).map(drop)
     }
 
     /// Changes the document that was read, with the date of the change where it is predicted that it changes.
@@ -173,21 +180,23 @@ impl MongoDb {
         let this = doc! { "$and": [request.filter.clone(), same(&id)] };
         let read = vec![(id, before)];
         let plain = without_metadata(&update.update, &read, at)?;
-        let prediction = predict(&plain, update, &read, at).and_then(|all| all.first().copied());
+        let collation = self.comparing(ns, update)?;
+        let prediction = predict(&plain, update, collation.as_ref(), &read, at).and_then(|all| all.first().copied());
         let [(_, before)] = read.as_slice() else { return Ok(Attempt::Overtaken) };
-        let (change, condition, is_changed) = match prediction {
-            Some(Prediction::Changes) => (with_updated(&plain, at)?, as_it_was(&update.update, &read)?, true),
-            Some(Prediction::Stays) => (plain, with_the_same_metadata(before)?, false),
-            Some(Prediction::Moves) => {
-                let shown = Find { filter: this, ..request.find(request.projection.clone()) };
-                let shown = self.find(ns, &shown)?.next().transpose()?;
-                return Ok(shown.map_or(Attempt::Overtaken, |document| Attempt::done(document, false)));
+        match prediction {
+            Some(Prediction::Changes) => {
+                let change = with_updated(&plain, at)?;
+                let filter = doc! { "$and": [this, as_it_was(&update.update, &read)?] };
+                let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
+                Ok(changed.map_or(Attempt::Overtaken, Attempt::changed))
             }
-            Some(Prediction::Fails) | None => return self.change_and_date(ns, request, update, (plain, before), at),
-        };
-        let filter = doc! { "$and": [this, condition] };
-        let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
-        Ok(changed.map_or(Attempt::Overtaken, |document| Attempt::done(document, is_changed)))
+            Some(Prediction::Stays | Prediction::Moves) => {
+                self.check(ns, request, update)?;
+                let shown = self.show(ns, request, this, before, at)?;
+                Ok(shown.map_or(Attempt::Overtaken, |document| Attempt::done(document, false)))
+            }
+            Some(Prediction::Fails) | None => self.change_and_date(ns, request, update, (plain, before), at),
+        }
     }
 
     /// Changes a document if it is as it was read, and then writes the date where it is another one.
@@ -199,26 +208,65 @@ impl MongoDb {
         (plain, before): (UpdateSpec, &RawDocumentBuf),
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        // What is shown is read beside: mistakes in it are to be found before anything is changed.
-        Shown::parse(request, None)?;
+        // What is shown is asked for by itself: mistakes in it are to be found before anything is changed.
+        self.check(ns, request, update)?;
         let id = id(before)?;
-        let shown = |filter: Document| {
-            let modifiers = request.modifiers.without_hint();
-            let find = Find { filter, modifiers, ..request.find(request.projection.clone()) };
-            self.find(ns, &find)?.next().transpose()
-        };
         let this = doc! { "$and": [request.filter.clone(), same(&id)] };
-        let shown_before = if request.new { None } else { shown(this.clone())? };
+        let shown_before = match request.new {
+            true => None,
+            false => match self.show(ns, request, this.clone(), before, at)? {
+                None => return Ok(Attempt::Overtaken),
+                shown => shown,
+            },
+        };
         let (filter, whole) = (doc! { "$and": [this, the_same(before)?] }, Document::new());
         let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, plain) };
         let Some(after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
+        let dated = metadata::update(before, &after, false, at)?;
         let is_changed = *before != after;
         if is_changed {
             let update = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
             self.apply(ns, UpdateRequest { filter: same(&id), update, ..UpdateRequest::default() })?;
         }
-        let document = if request.new { shown(same(&id))? } else { shown_before };
+        let document = match request.new {
+            true => self.show(ns, request, same(&id), &dated.unwrap_or(after), at)?,
+            false => shown_before,
+        };
         Ok(Attempt::Done(Modified { document, is_found: true, is_changed, upserted: None }))
+    }
+
+    /// A document that was read, as it is asked for. Where only the server can show it, it is read again by the filter, and is
+    /// nothing where it is another one by then.
+    fn show(
+        &self,
+        ns: &Namespace,
+        request: &FindAndModify,
+        filter: Document,
+        document: &RawDocumentBuf,
+        at: DateTime,
+    ) -> Result<Option<RawDocumentBuf>, StoreError> {
+        if request.projection.is_empty() {
+            return Ok(Some(document.clone()));
+        }
+        let collation = self.showing(ns, request)?;
+        match Shown::parse(request, collation) {
+            Ok(shown) if !asks_for_score(&request.projection) => Ok(Some(shown.of(document, at)?)),
+            _ => {
+                let filter = doc! { "$and": [filter, the_same(document)?] };
+                let modifiers = request.modifiers.without_hint();
+                let find = Find { filter, modifiers, ..request.find(request.projection.clone()) };
+                self.find(ns, &find)?.next().transpose()
+            }
+        }
+    }
+
+    /// The collation in which a projection compares strings.
+    fn showing(&self, ns: &Namespace, request: &FindAndModify) -> Result<Option<Collation>, StoreError> {
+        let is_plain = request.projection.values().all(is_choice) && !is_positional(&request.projection);
+        match &request.modifiers.collation {
+            None if !is_plain => self.default_collation(ns),
+            own => Ok(own.clone()),
+        }
     }
 
     /// Inserts what filter and update describe; nothing where another client has just inserted a document that matches. (The
@@ -230,19 +278,14 @@ impl MongoDb {
         update: &UpdateRequest,
         at: Option<DateTime>,
     ) -> Result<Option<Modified>, StoreError> {
-        let compares = matches!(update.update, UpdateSpec::Pipeline(_)) || !request.projection.values().all(is_choice);
-        let collation = match &request.modifiers.collation {
-            Some(collation) => Some(collation.clone()),
-            None if compares => index::collation(&self.indexes(ns)?),
-            None => None,
+        let collation = match self.comparing(ns, update)? {
+            None => self.showing(ns, request)?,
+            collation => collation,
         };
         let shown = Shown::parse(request, collation)?;
         let now = at.unwrap_or_else(DateTime::now);
         let made = shown.within(|| {
-            let made = match &update.update {
-                UpdateSpec::Document(document) => Update::parse(document, &update.array_filters)?,
-                UpdateSpec::Pipeline(stages) => Update::parse_pipeline_with(stages, &shown.constants)?,
-            };
+            let made = update.update.compile(&update.array_filters, &shown.constants)?;
             let made = made.upsert(&request.filter, now)?;
             at.map_or(Ok(made.clone()), |at| metadata::upsert(&made, at))
         })?;
@@ -327,6 +370,22 @@ impl<'a> Change<'a> {
             projection: &request.projection,
         }
     }
+}
+
+/// The `_id` of a document.
+fn id(document: &RawDocumentBuf) -> Result<Bson, QueryError> {
+    let id = document.get("_id")?.map(Bson::try_from).transpose()?;
+    Ok(id.unwrap_or(Bson::Null))
+}
+
+/// A filter that matches nothing and contains another, so that it is checked.
+pub(super) fn none_of(filter: &Document) -> Document {
+    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
+}
+
+/// The filter for the document with an `_id`.
+fn same(id: &Bson) -> Document {
+    doc! { "_id": { "$eq": id } }
 }
 
 /// Whether the value of a projection only says whether the field is shown.

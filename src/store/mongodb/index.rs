@@ -1,6 +1,7 @@
 //! Indexes, by the server's own commands, so that every option passes.
 
 use std::sync::PoisonError;
+use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, Document, doc};
 use mongodb::error::Error;
@@ -8,6 +9,10 @@ use mongodb::error::Error;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::{Index, IndexChange, Namespace, StoreError, index, metadata};
+
+/// How long a collection is taken to have its index on dates of decay, which other clients may drop. The server itself
+/// looks for what has decayed once a minute.
+const KNOWN_FOR: Duration = Duration::from_secs(10);
 
 impl MongoDb {
     pub(super) fn make_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -30,11 +35,11 @@ impl MongoDb {
         mut documents: impl Iterator<Item = &'a Document>,
     ) -> Result<(), StoreError> {
         let known = || self.decaying.lock().unwrap_or_else(PoisonError::into_inner);
-        if !documents.any(mentions_decay) || known().contains(ns) {
+        if !documents.any(mentions_decay) || known().get(ns).is_some_and(|made| made.elapsed() < KNOWN_FOR) {
             return Ok(());
         }
         self.make_index(ns, &Index::of_decay())?;
-        known().insert(ns.clone());
+        known().insert(ns.clone(), Instant::now());
         Ok(())
     }
 

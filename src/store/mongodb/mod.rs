@@ -18,6 +18,7 @@ mod image;
 mod index;
 mod keeping;
 mod position;
+mod prediction;
 mod raw;
 mod server_message;
 mod single_step;
@@ -32,8 +33,9 @@ mod write_policy;
 pub use raw::Raw;
 
 use std::cell::Cell;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
+use std::time::Instant;
 
 use mongodb::sync::Client;
 
@@ -43,7 +45,7 @@ use crate::store::Namespace;
 pub struct MongoDb {
     client: Client,
     /// The collections that are known to have the index on dates of decay.
-    decaying: Mutex<HashSet<Namespace>>,
+    decaying: Mutex<HashMap<Namespace, Instant>>,
     /// The histories that this process keeps.
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.

@@ -21,6 +21,9 @@ use crate::store::{UpdateRequest, UpdateSpec};
 /// 65 on MongoDB 6.0, and some to spare.
 const OVERHEAD: usize = 68;
 
+/// The largest update, in bytes, whose values are sent with it a second time: a command has room for 16 MB.
+const LARGEST_COMPARED: usize = 4 << 20;
+
 /// A request that carries the metadata.
 pub(super) struct Single {
     pub(super) request: UpdateRequest,
@@ -69,6 +72,9 @@ fn specs(request: &UpdateRequest, at: DateTime) -> Result<Specs<'_>, QueryError>
     }
     let Some(values) = plain_values(update) else { return Ok((None, None)) };
     let least = RawDocumentBuf::try_from(update).map_err(QueryError::from)?.as_bytes().len() + OVERHEAD;
+    if least > LARGEST_COMPARED {
+        return Ok((None, None));
+    }
     // An upsert that inserts would take one request more.
     let is_named = !request.upsert && request.modifiers.collation.is_none() && names_id(&request.filter);
     let first = if is_named {

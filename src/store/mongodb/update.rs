@@ -18,12 +18,14 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
 use super::dates::{add_field, inserted, path};
+use super::find_and_modify::none_of;
+use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use crate::interrupt::stops_work;
-use crate::query::{Filter, QueryError, Update, check_upsert};
+use crate::query::{Collation, QueryError, check_upsert};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
-use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated, find_and_modify};
+use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
@@ -32,6 +34,15 @@ const ATTEMPTS: usize = 16;
 
 /// The documents of a chunk as they were, by `_id`.
 pub(super) type Before = Vec<(Bson, RawDocumentBuf)>;
+
+/// An update of documents that are read before.
+struct Work<'a> {
+    ns: &'a Namespace,
+    request: &'a UpdateRequest,
+    at: DateTime,
+    /// By which the update compares strings.
+    collation: Option<Collation>,
+}
 
 impl MongoDb {
     pub(super) fn update_with_metadata(
@@ -81,15 +92,17 @@ impl MongoDb {
         request: &UpdateRequest,
         at: DateTime,
     ) -> Result<Updated, StoreError> {
-        let done = if request.many { self.update_all(ns, request, at)? } else { self.update_first(ns, request, at)? };
+        let work = Work { ns, request, at, collation: self.comparing(ns, request)? };
+        let done = if request.many { self.update_all(&work)? } else { self.update_first(&work)? };
         if done.matched == 0 && !request.upsert {
             // An update of nothing is checked by the server, too.
-            self.apply(ns, UpdateRequest { filter: find_and_modify::none_of(&request.filter), ..request.clone() })?;
+            self.apply(ns, UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
         }
         Ok(done)
     }
 
-    fn update_first(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+    fn update_first(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
+        let Work { ns, request, .. } = *work;
         for _ in 0..ATTEMPTS {
             let modifiers = request.modifiers.clone();
             let find = Find { filter: request.filter.clone(), limit: 1, modifiers, current: true, ..Find::default() };
@@ -97,7 +110,7 @@ impl MongoDb {
             if before.is_empty() {
                 break;
             }
-            let done = self.update_chunk(ns, request, before, at)?;
+            let done = self.update_chunk(work, before)?;
             if done.matched > 0 {
                 return Ok(done);
             }
@@ -105,7 +118,8 @@ impl MongoDb {
         Ok(Updated::default())
     }
 
-    fn update_all(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+    fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
+        let Work { ns, request, at, .. } = *work;
         let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
         let (projection, modifiers) = (doc! { "_id": 1 }, request.modifiers.clone());
@@ -120,7 +134,7 @@ impl MongoDb {
             let modifiers = request.modifiers.clone();
             let before = with_ids(self.find(ns, &Find { filter, modifiers, current: true, ..Find::default() })?)?;
             if !before.is_empty() {
-                let chunk = self.update_chunk(ns, request, before, at);
+                let chunk = self.update_chunk(work, before);
                 let chunk = chunk.map_err(|error| self.counted(ns, error, (ids, at), done.modified))?;
                 add(&mut done, &chunk);
             }
@@ -144,15 +158,10 @@ impl MongoDb {
 
     /// Updates those of the documents that still match, with the metadata where it is
     /// predicted that they change.
-    fn update_chunk(
-        &self,
-        ns: &Namespace,
-        request: &UpdateRequest,
-        before: Before,
-        at: DateTime,
-    ) -> Result<Updated, StoreError> {
+    fn update_chunk(&self, work: &Work<'_>, before: Before) -> Result<Updated, StoreError> {
+        let Work { ns, request, at, .. } = *work;
         let plain = without_metadata(&request.update, &before, at)?;
-        let Some(predictions) = predict(&plain, request, &before, at) else {
+        let Some(predictions) = predict(&plain, request, work.collation.as_ref(), &before, at) else {
             return self.update_then_metadata(ns, request, plain, &before, at);
         };
         // Those behind one that cannot be updated stay as they are, unless the server updates that one.
@@ -239,44 +248,6 @@ fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result
         upsert: false,
         ..request.clone()
     })
-}
-
-/// What an update is predicted to do to a document.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Prediction {
-    Changes,
-    Stays,
-    /// Only the metadata would get another place, which is no change; the server would count it.
-    Moves,
-    Fails,
-}
-
-/// What an update does to each of the documents; nothing where only the
-/// server can decide, or refuses the update.
-pub(super) fn predict(
-    plain: &UpdateSpec,
-    request: &UpdateRequest,
-    before: &Before,
-    at: DateTime,
-) -> Option<Vec<Prediction>> {
-    if !request.modifiers.is_empty() {
-        return None;
-    }
-    let update = match plain {
-        UpdateSpec::Document(update) => Update::parse(update, &request.array_filters),
-        UpdateSpec::Pipeline(_) if !request.array_filters.is_empty() => return None,
-        UpdateSpec::Pipeline(stages) => Update::parse_pipeline(stages),
-    };
-    let (update, filter) = (update.ok()?, Filter::parse(&request.filter).ok()?);
-    let predicted = |(_, body): &(Bson, RawDocumentBuf)| match update.apply(body, &filter, at) {
-        Ok(Some(after)) => match metadata::update(body, &after, false, at) {
-            Ok(None) => Prediction::Moves,
-            _ => Prediction::Changes,
-        },
-        Ok(None) => Prediction::Stays,
-        Err(_) => Prediction::Fails,
-    };
-    Some(before.iter().map(predicted).collect())
 }
 
 /// The update with a timestamp, for documents that it changes.

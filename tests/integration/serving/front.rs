@@ -5,7 +5,7 @@ use std::process::Command;
 
 use bson::{Document, doc};
 use libtest_mimic::Failed;
-use mongodb::options::ReturnDocument;
+use mongodb::options::{Collation, ReturnDocument};
 use mongodb::results::CollectionType;
 use mongodb::sync::Client;
 
@@ -18,6 +18,7 @@ type Case = fn(&str) -> Result<(), Failed>;
 pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
     ("serving::in_front_of_mongod::each_client_takes_another_document", taken),
+    ("serving::in_front_of_mongod::each_client_gets_another_number", numbered),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
     ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
@@ -87,6 +88,11 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     let listed = database.list_collections().filter(doc! { "name": "seen" }).run()?.next().ok_or("no view")??;
     assert_eq!((listed.collection_type, listed.options.view_on.as_deref()), (CollectionType::View, Some("things")));
     assert!(database.list_collection_names().run()?.contains(&"many".to_owned()));
+    let listed =
+        Command::new(env!("CARGO_BIN_EXE_rmem")).args(["collections", "--options", "--memory", mongod]).output()?;
+    let text = String::from_utf8(listed.stdout)?;
+    let views: Vec<_> = text.lines().filter(|line| line.starts_with("in_front.seen ")).collect();
+    assert_eq!(views, ["in_front.seen {\"viewOn\":\"things\",\"pipeline\":[]}"], "{text}");
     let stats = database.run_command(doc! { "dbStats": 1 }).run()?;
     assert_eq!((stats.get_i32("views")?, stats.get_i32("objects")?), (1, 501));
     assert!(client.list_databases().run()?.iter().any(|found| found.name == "in_front"));
@@ -130,6 +136,39 @@ fn taken(mongod: &str) -> Result<(), Failed> {
     })?;
     ids.sort_unstable();
     assert_eq!(ids, (0..CLIENTS * EACH).collect::<Vec<_>>());
+    database.drop().run()?;
+    Ok(())
+}
+
+fn numbered(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i64 = 4;
+    const EACH: i64 = 15;
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("numbered");
+    database.drop().run()?;
+    let counters = database.collection::<Document>("counters");
+    let add = [doc! { "$set": { "n": { "$add": ["$n", "$$step"] } } }];
+    let collation = Collation::builder().locale("en").build();
+    let count = |n: i64| -> Result<i64, Failed> {
+        let counters = served.client()?.database("numbered").collection::<Document>("counters");
+        let next = counters.find_one_and_update(doc! { "_id": 1 }, add.to_vec()).let_vars(doc! { "step": 1_i64 });
+        let next = if n % 2 == 0 { next.collation(collation.clone()) } else { next };
+        let next = next.return_document(ReturnDocument::After).run()?;
+        Ok(next.ok_or("there was no counter")?.get_i64("n")?)
+    };
+    counters.insert_one(doc! { "_id": 1, "n": 0_i64 }).run()?;
+    let mut numbers = std::thread::scope(|scope| -> Result<Vec<i64>, Failed> {
+        let clients: Vec<_> =
+            (0..CLIENTS).map(|_| scope.spawn(|| (0..EACH).map(count).collect::<Result<Vec<i64>, Failed>>())).collect();
+        let mut numbers = Vec::new();
+        for client in clients {
+            numbers.extend(client.join().map_err(|_| "a client failed")??);
+        }
+        Ok(numbers)
+    })?;
+    numbers.sort_unstable();
+    assert_eq!(numbers, (1..=CLIENTS * EACH).collect::<Vec<_>>());
     database.drop().run()?;
     Ok(())
 }
