@@ -1,18 +1,11 @@
 //! Indexes, by the server's own commands, so that every option passes.
 
-use std::sync::PoisonError;
-use std::time::{Duration, Instant};
-
 use bson::{Bson, DateTime, Document, doc};
 use mongodb::error::Error;
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::{Index, IndexChange, Namespace, StoreError, index, metadata};
-
-/// How long a collection is taken to have its index on dates of decay, which other clients may drop. The server itself
-/// looks for what has decayed once a minute.
-const KNOWN_FOR: Duration = Duration::from_secs(10);
 
 impl MongoDb {
     pub(super) fn make_index(&self, ns: &Namespace, index: &Index) -> Result<bool, StoreError> {
@@ -34,18 +27,18 @@ impl MongoDb {
         ns: &Namespace,
         mut documents: impl Iterator<Item = &'a Document>,
     ) -> Result<(), StoreError> {
-        let known = || self.decaying.lock().unwrap_or_else(PoisonError::into_inner);
-        if !documents.any(mentions_decay) || known().get(ns).is_some_and(|made| made.elapsed() < KNOWN_FOR) {
+        if !documents.any(mentions_decay) || self.decaying.get(ns).is_some() {
             return Ok(());
         }
         self.make_index(ns, &Index::of_decay())?;
-        known().insert(ns.clone(), Instant::now());
+        self.decaying.learn(ns, ());
         Ok(())
     }
 
-    /// Forgets that a collection, which is gone, had the index on dates of decay.
-    pub(super) fn forget_decay(&self, ns: &Namespace) {
-        self.decaying.lock().unwrap_or_else(PoisonError::into_inner).remove(ns);
+    /// Forgets what was known of a collection, which is gone.
+    pub(super) fn forget(&self, ns: &Namespace) {
+        self.decaying.forget(ns);
+        self.collations.forget(ns);
     }
 
     pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {

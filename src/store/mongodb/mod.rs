@@ -17,6 +17,7 @@ mod history;
 mod image;
 mod index;
 mod keeping;
+mod known;
 mod position;
 mod prediction;
 mod raw;
@@ -33,19 +34,19 @@ mod write_policy;
 pub use raw::Raw;
 
 use std::cell::Cell;
-use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
-use std::time::Instant;
 
 use mongodb::sync::Client;
 
-use crate::store::Namespace;
+use crate::query::Collation;
 
 /// A MongoDB server or replica set. Nothing is contacted before the first operation.
 pub struct MongoDb {
     client: Client,
-    /// The collections that are known to have the index on dates of decay.
-    decaying: Mutex<HashMap<Namespace, Instant>>,
+    /// The collections that have the index on dates of decay.
+    decaying: known::Known<()>,
+    /// How strings compare in collections.
+    collations: known::Known<Option<Collation>>,
     /// The histories that this process keeps.
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.

@@ -55,7 +55,16 @@ impl MongoDb {
 
     /// The collation of a collection.
     pub(super) fn default_collation(&self, ns: &Namespace) -> Result<Option<Collation>, StoreError> {
-        Ok(index::collation(&self.list_indexes(ns)?))
+        if let Some(known) = self.collations.get(ns) {
+            return Ok(known);
+        }
+        let indexes = self.list_indexes(ns)?;
+        let collation = index::collation(&indexes);
+        // One that is not there yet may get another one.
+        if !indexes.is_empty() {
+            self.collations.learn(ns, collation.clone());
+        }
+        Ok(collation)
     }
 }
 

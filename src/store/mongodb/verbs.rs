@@ -159,7 +159,7 @@ impl Store for MongoDb {
             "writeConcern": { "w": "majority" },
         };
         self.client().database("admin").run_command(command).run().map_err(|e| self.explain(&e))?;
-        [from, to].into_iter().for_each(|ns| self.forget_decay(ns));
+        [from, to].into_iter().for_each(|ns| self.forget(ns));
         Ok(())
     }
 
@@ -444,7 +444,7 @@ impl MongoDb {
         let names = database.list_collection_names();
         let there = names.filter(doc! { "name": &ns.collection }).run().map_err(|e| self.explain(&e))?;
         self.collection(ns).drop().run().map_err(|e| self.explain(&e))?;
-        self.forget_decay(ns);
+        self.forget(ns);
         Ok(!there.is_empty())
     }
 
