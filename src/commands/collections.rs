@@ -15,7 +15,7 @@ use crate::store::validation::collection_options;
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  rmem collections", arg = formats::argument(&formats::TEXT))]
 pub struct CollectionsArgs {
-    /// Print the options of each collection, too: its validator and its collation; of a view, its definition
+    /// Print the options of each collection, too: its validator and its collation; of a view or time series, its definition
     #[arg(long)]
     pub options: bool,
 }
@@ -33,6 +33,8 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
     let mut described = Vec::with_capacity(names.len());
     for name in names {
         let options = match memory.collection_or_view(&name)? {
+            // A time series has no index on `_id`.
+            Listed::Collection(indexes) if indexes.is_empty() => memory.bare(&name)?.view(&name)?.unwrap_or_default(),
             Listed::Collection(indexes) => {
                 collection_options(memory.validation(&name)?.as_ref(), index::collation(&indexes).as_ref())
             }
