@@ -131,7 +131,9 @@ fn check_id_fields(document: &Document) -> Result<(), QueryError> {
         if !is_allowed {
             return Err(QueryError::invalid(52, format!("the _id may not have a field `{name}`")));
         }
-        check_id_value(value)?;
+        if name != "$id" {
+            check_id_value(value)?;
+        }
         before = Some(name.as_str());
     }
     Ok(())
@@ -140,6 +142,7 @@ fn check_id_fields(document: &Document) -> Result<(), QueryError> {
 fn check_id_value(value: &Bson) -> Result<(), QueryError> {
     match value {
         Bson::Document(inner) => check_id_fields(inner),
+        Bson::JavaScriptCodeWithScope(code) => check_id_fields(&code.scope),
         Bson::Array(items) => items.iter().try_for_each(check_id_value),
         _ => Ok(()),
     }
@@ -209,7 +212,7 @@ mod tests {
         for id in [
             doc! { "$ref": "a", "$id": 1 },
             doc! { "$ref": "a", "$id": 1, "$db": "b", "x": 1 },
-            doc! { "of": { "$ref": "a", "$id": 1 } },
+            doc! { "of": { "$ref": "a", "$id": { "$x": 1 } } },
         ] {
             assert_eq!(code(id.clone()), None, "{id}");
         }
@@ -221,6 +224,7 @@ mod tests {
             doc! { "$ref": 1, "$id": 1 },
             doc! { "$ref": "a", "$id": 1, "$db": 1 },
             doc! { "a": [{ "$x": 1 }] },
+            doc! { "a": bson::JavaScriptCodeWithScope { code: String::new(), scope: doc! { "$x": 1 } } },
         ] {
             assert_eq!(code(id.clone()), Some(52), "{id}");
         }
