@@ -59,14 +59,10 @@ impl KeyOptions {
     }
 }
 
-/// The place that a document is shown with.
-pub(crate) fn record_id(document: &RawDocumentBuf) -> Option<i64> {
-    document.get(RECORD_ID).ok().flatten().and_then(|position| position.as_i64())
-}
-
 /// Gives what a projection made of a document the place that the document was shown with.
 pub(crate) fn keep_record_id(from: &RawDocumentBuf, to: &mut RawDocumentBuf) {
-    if let (Some(position), Ok(None)) = (record_id(from), to.get(RECORD_ID)) {
+    let position = from.get(RECORD_ID).ok().flatten().and_then(|position| position.as_i64());
+    if let (Some(position), Ok(None)) = (position, to.get(RECORD_ID)) {
         to.append(RECORD_ID, position);
     }
 }

@@ -12,7 +12,7 @@ use super::scan::{Found, Scan};
 use super::search::scored;
 use crate::query::collation::during;
 use crate::query::{QueryError, Spill, constants, text};
-use crate::store::key_options::record_id;
+use crate::store::key_options::RECORD_ID;
 use crate::store::parsed::Parsed;
 use crate::store::{Documents, Find, FindAndModify, Modification, Modified, Namespace, StoreError};
 
@@ -87,8 +87,14 @@ impl Embedded {
         let matches: Documents<'_> = Box::new(scan.map(|found| found.map(Found::with_position)));
         let matches = if parsed.is_scored { scored(matches, Arc::clone(&parsed.filter)) } else { matches };
         let first = parsed.sort.sort(matches, Some(1), &Spill::default())?.next().transpose()?;
-        first.and_then(|first| record_id(&first)).map(|position| self.at(collection, position)).transpose()
+        first.and_then(|first| position(&first)).map(|position| self.at(collection, position)).transpose()
     }
+}
+
+/// The place that a document was given to be sorted with: behind its own fields, one of which may have that name.
+fn position(document: &RawDocumentBuf) -> Option<i64> {
+    let named = document.iter().flatten().filter(|(name, _)| *name == RECORD_ID);
+    named.last().and_then(|(_, position)| position.as_i64())
 }
 
 /// What is returned of the document that was found.
