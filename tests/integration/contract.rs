@@ -74,6 +74,8 @@ const CASES: &[(&str, Case)] = cases![
     the_first_match_is_changed_and_returned,
     what_is_found_by_chance_is_what_is_changed,
     documents_with_any_id_are_found_and_changed,
+    a_document_is_found_by_its_place_whatever_its_fields_are_called,
+    a_change_by_chance_is_dated_where_it_changes,
     a_change_compares_as_the_collection_does,
     the_score_of_what_is_changed_is_shown,
     a_document_takes_what_a_command_has_room_for,
@@ -1089,6 +1091,38 @@ fn documents_with_any_id_are_found_and_changed(store: &dyn Store, ns: &Namespace
     }
 }
 
+fn a_document_is_found_by_its_place_whatever_its_fields_are_called(store: &dyn Store, ns: &Namespace) {
+    for place in [Bson::Int64(2), Bson::Int64(77), "x".into()] {
+        insert(store, ns, [doc! { "_id": 1, "n": 1, "$recordId": place }, doc! { "_id": 2, "n": 2 }]);
+        let request = FindAndModify { projection: doc! { "_id": 1 }, ..first(doc! { "$set": { "m": 1 } }) };
+        assert_eq!(modified(store, ns, &request).0, Some(doc! { "_id": 1 }));
+        assert_eq!(ids(store, ns, doc! { "m": 1 }), [1]);
+        store.delete(ns, (&doc! {}).into(), false).unwrap();
+    }
+}
+
+fn a_change_by_chance_is_dated_where_it_changes(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 1, "x": 0 }]);
+    let add = doc! { "$cond": [{ "$lt": [{ "$rand": {} }, 0.5] }, { "$add": ["$x", 1] }, "$x"] };
+    let update = UpdateSpec::Pipeline(vec![doc! { "$set": { "x": add } }]);
+    let mut x = 0;
+    for n in 1..=30 {
+        let is_changed = if n % 2 == 0 {
+            let request =
+                UpdateRequest { filter: doc! { "_id": 1 }, update: update.clone(), ..UpdateRequest::default() };
+            store.update(ns, &request, Some(instant(n))).unwrap().modified == 1
+        } else {
+            let modification =
+                Modification::Update { update: update.clone(), array_filters: Vec::new(), upsert: false };
+            let request = FindAndModify { modification, ..first(doc! {}) };
+            store.find_and_modify(ns, &request, Some(instant(n))).unwrap().is_changed
+        };
+        x += i32::from(is_changed);
+        assert_eq!(ids(store, ns, doc! { "x": x }), [1]);
+        assert_eq!(!ids(store, ns, doc! { "_robmem_info.updated": instant(n) }).is_empty(), is_changed);
+    }
+}
+
 fn a_change_compares_as_the_collection_does(store: &dyn Store, ns: &Namespace) {
     let Ok(collation) = Collation::parse(&doc! { "locale": "en", "strength": 2 }) else {
         return; // This build has no collations.
@@ -1125,6 +1159,13 @@ fn the_score_of_what_is_changed_is_shown(store: &dyn Store, ns: &Namespace) {
         assert!(document.get_f64("s").unwrap() > 1.0, "{document}");
         assert_eq!(store.delete(ns, (&doc! { "t": "plum" }).into(), false).unwrap(), 1);
     }
+    // Also where the query says which element is meant.
+    insert(store, ns, [doc! { "_id": 1, "t": "cup", "l": [{ "k": 1 }] }]);
+    let positional = shown(true, false, "cup", doc! { "$inc": { "l.$.k": 5 } });
+    let filter = doc! { "$text": { "$search": "cup" }, "l.k": { "$gt": 0 } };
+    let document = modified(store, ns, &FindAndModify { filter, ..positional }).0.unwrap();
+    assert!(document.get_f64("s").unwrap() > 1.0, "{document}");
+    assert_eq!(ids(store, ns, doc! { "l.k": 6, "_robmem_info.updated": instant(9) }), [1]);
     let upsert = shown(true, true, "pear", doc! { "$set": { "_id": 7 } });
     assert_eq!(modified(store, ns, &upsert).0, Some(doc! { "_id": 7 }));
 }

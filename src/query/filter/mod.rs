@@ -127,7 +127,7 @@ impl Filter {
     /// it matches by one. The positional `$` stands for it.
     pub(super) fn position(&self, fields: Fields<'_>, now: DateTime) -> Result<Option<usize>> {
         let mut context = Context { now: Some(now), ..self.context() };
-        if !self.root.matches(fields, &mut context)? {
+        if !self.root.matches(fields, &mut context).unwrap_or(false) {
             context = Context { now: Some(now), is_known: true, ..self.context() };
             self.root.matches(fields, &mut context)?;
         }

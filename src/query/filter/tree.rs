@@ -49,7 +49,8 @@ pub(in crate::query) struct Context<'a> {
     pub(in crate::query) now: Option<DateTime>,
     /// Variables for expressions.
     pub(in crate::query) variables: Option<&'a Variables>,
-    /// Whether the document is known to match: what may be answered otherwise a second time (`$rand`) is not asked again.
+    /// Whether the document is known to match: what may be answered otherwise a second time (`$rand`), or
+    /// only with an index, is not asked again.
     pub(in crate::query) is_known: bool,
 }
 
@@ -131,7 +132,7 @@ impl Node {
             }
             Self::Field(path, test) => test.on_path(path, fields, context),
             Self::Near(near) => Ok(near.nearest(fields).is_some()),
-            Self::Expression(_) | Self::Where(_) | Self::Sample(_) if context.is_known => Ok(true),
+            Self::Expression(_) | Self::Where(_) | Self::Sample(_) | Self::Text(_) if context.is_known => Ok(true),
             Self::Expression(expression) => holds(expression, fields, context),
             // A schema compares strings byte by byte.
             Self::Schema(schema) => Ok(during(None, || schema.accepts(View::Document(fields)))),

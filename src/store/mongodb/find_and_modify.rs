@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::{ReturnDocument, UpdateModifications};
 
@@ -190,12 +191,12 @@ impl MongoDb {
                 let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
                 Ok(changed.map_or(Attempt::Overtaken, Attempt::changed))
             }
-            Some(Prediction::Stays | Prediction::Moves) => {
+            Some(Prediction::Moves) => {
                 self.check(ns, request, update)?;
                 let shown = self.show(ns, request, this, before, at)?;
                 Ok(shown.map_or(Attempt::Overtaken, |document| Attempt::done(document, false)))
             }
-            Some(Prediction::Fails) | None => self.change_and_date(ns, request, update, (plain, before), at),
+            _ => self.change_and_date(ns, request, update, (plain, before), at),
         }
     }
 
@@ -208,31 +209,19 @@ impl MongoDb {
         (plain, before): (UpdateSpec, &RawDocumentBuf),
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        // What is shown is asked for by itself: mistakes in it are to be found before anything is changed.
-        self.check(ns, request, update)?;
         let id = id(before)?;
-        let this = doc! { "$and": [request.filter.clone(), same(&id)] };
-        let shown_before = match request.new {
-            true => None,
-            false => match self.show(ns, request, this.clone(), before, at)? {
-                None => return Ok(Attempt::Overtaken),
-                shown => shown,
-            },
-        };
-        let (filter, whole) = (doc! { "$and": [this, the_same(before)?] }, Document::new());
-        let change = Change { filter, new: true, projection: &whole, ..Change::asked(request, update, plain) };
-        let Some(after) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
-        let dated = metadata::update(before, &after, false, at)?;
-        let is_changed = *before != after;
-        if is_changed {
-            let update = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
-            self.apply(ns, UpdateRequest { filter: same(&id), update, ..UpdateRequest::default() })?;
+        let filter = doc! { "$and": [request.filter.clone(), same(&id), the_same(before)?] };
+        let change = Change { filter, ..Change::asked(request, update, plain) };
+        let Some(document) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
+        let find = Find { filter: same(&id), limit: 1, current: true, ..Find::default() };
+        let after = self.find(ns, &find)?.next().transpose()?;
+        let is_changed = after.is_some_and(|after| after != *before);
+        if !is_changed {
+            return Ok(Attempt::done(document, false));
         }
-        let document = match request.new {
-            true => self.show(ns, request, same(&id), &dated.unwrap_or(after), at)?,
-            false => shown_before,
-        };
-        Ok(Attempt::Done(Modified { document, is_found: true, is_changed, upserted: None }))
+        let date = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
+        self.apply(ns, UpdateRequest { filter: same(&id), update: date, ..UpdateRequest::default() })?;
+        Ok(Attempt::changed(if request.new { dated(document, &request.projection, at)? } else { document }))
     }
 
     /// A document that was read, as it is asked for. Where only the server can show it, it is read again by the filter, and is
@@ -386,6 +375,21 @@ pub(super) fn none_of(filter: &Document) -> Document {
 /// The filter for the document with an `_id`.
 fn same(id: &Bson) -> Document {
     doc! { "_id": { "$eq": id } }
+}
+
+/// A document that is shown as it is after a change, with the date of that, where its metadata is shown as a whole.
+fn dated(document: RawDocumentBuf, projection: &Document, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
+    let is_whole = !projection.keys().any(|path| path.split_once('.').is_some_and(|(first, _)| first == INFO));
+    match document.get(INFO)? {
+        Some(RawBsonRef::Document(_)) if is_whole => {
+            let mut document = Document::try_from(&*document)?;
+            if let Some(Bson::Document(info)) = document.get_mut(INFO) {
+                info.insert(UPDATED, at);
+            }
+            Ok(RawDocumentBuf::try_from(&document)?)
+        }
+        _ => Ok(document),
+    }
 }
 
 /// Whether the value of a projection only says whether the field is shown.

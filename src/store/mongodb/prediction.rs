@@ -26,6 +26,9 @@ pub(super) fn predict(
     before: &Before,
     at: DateTime,
 ) -> Option<Vec<Prediction>> {
+    if is_random(plain) {
+        return None;
+    }
     during(collation, || {
         let constants = constants(&request.modifiers.variables).ok()?;
         let update = plain.compile(&request.array_filters, &constants).ok()?;
@@ -68,6 +71,21 @@ impl MongoDb {
     }
 }
 
+/// Whether an update gives something else each time.
+fn is_random(update: &UpdateSpec) -> bool {
+    fn within(value: &Bson) -> bool {
+        match value {
+            Bson::Document(fields) => {
+                fields.iter().any(|(name, value)| matches!(name.as_str(), "$rand" | "$function") || within(value))
+            }
+            Bson::Array(items) => items.iter().any(within),
+            _ => false,
+        }
+    }
+    let UpdateSpec::Pipeline(stages) = update else { return false };
+    stages.iter().flat_map(Document::values).any(within)
+}
+
 /// Whether an update compares values of the document with others.
 fn compares(request: &UpdateRequest) -> bool {
     let UpdateSpec::Document(update) = &request.update else { return true };
@@ -100,6 +118,13 @@ mod tests {
         ] {
             assert!(compares(update.clone()), "{update}");
         }
+    }
+
+    #[test]
+    fn what_is_random_is_not_predicted() {
+        let random = |update: Document| is_random(&UpdateSpec::Pipeline(vec![update]));
+        assert!(random(doc! { "$set": { "x": { "$cond": [{ "$lt": [{ "$rand": {} }, 0.5] }, 1, 2] } } }));
+        assert!(!random(doc! { "$set": { "x": { "$cond": [{ "$lt": ["$y", 0.5] }, 1, 2] } } }));
     }
 
     #[test]

@@ -65,6 +65,13 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     things.update_one(doc! { "_id": 3 }, doc! { "$set": { "n": 4 } }).upsert(true).run()?;
     let changed = things.find_one_and_update(doc! { "_id": 3 }, doc! { "$inc": { "n": 1 } });
     assert_eq!(changed.return_document(ReturnDocument::After).run()?, Some(doc! { "_id": 3, "n": 5 }));
+    // A decimal that rmem takes for the same number.
+    let more: bson::Decimal128 = "0.1000000000000000055511151231257827".parse()?;
+    things.insert_one(doc! { "_id": 8, "x": more }).run()?;
+    let changed = things.find_one_and_update(doc! { "_id": 8 }, doc! { "$max": { "x": 0.1 } });
+    assert_eq!(changed.return_document(ReturnDocument::After).run()?, Some(doc! { "_id": 8, "x": 0.1 }));
+    let dated = doc! { "_id": 8, "x": 0.1, "_robmem_info.updated": { "$exists": true } };
+    assert_eq!(behind.delete_one(dated).run()?.deleted_count, 1);
     things.create_index(mongodb::IndexModel::builder().keys(doc! { "n": 1 }).build()).run()?;
     assert!(behind.list_index_names().run()?.contains(&"n_1".to_owned()));
     let many = database.collection("many");
