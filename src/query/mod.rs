@@ -54,6 +54,7 @@ pub use collation::Collation;
 pub use compare::{compare, compare_values};
 pub use decode::{decode, decode_but};
 pub use distinct::Distinct;
+pub use dollar::check_id_names;
 pub use element::{extent, field};
 pub use error::{NameContext, QueryError, QueryMistake};
 pub use filter::{Filter, TextSearch, check_positional, check_upsert, is_positional};

@@ -19,6 +19,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf};
 use super::collation::during;
 use super::compare::equal_values;
 use super::decode::decode;
+use super::dollar::check_id_names;
 use super::error::{QueryError, Result};
 use super::expression::{Scope, Variables};
 use super::filter::Filter;
@@ -224,27 +225,6 @@ fn is_same(a: &Bson, b: &Bson) -> Result<bool> {
     Ok(a == b || bytes(a)? == bytes(b)?)
 }
 
-/// Refuses names with `$` within an `_id`, but for those of a reference.
-fn check_id(id: &Bson) -> Result<()> {
-    let mut left = vec![id];
-    while let Some(value) = left.pop() {
-        match value {
-            Bson::Document(inner) => {
-                let is_reference = inner.keys().next().is_some_and(|name| name == "$ref");
-                let known = |name: &str| is_reference && super::dollar::is_reference_key(name);
-                if let Some(name) = inner.keys().find(|name| name.starts_with('$') && !known(name)) {
-                    let message = format!("the '_id' may not contain fields that start with '$', like {name}");
-                    return Err(QueryError::invalid(52, message).about(name));
-                }
-                left.extend(inner.values());
-            }
-            Bson::Array(items) => left.extend(items),
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
 /// Returns the document with its `_id` first; makes one where there is none.
 fn id_first(mut document: Document) -> Result<Document> {
     let id = match document.remove("_id") {
@@ -252,7 +232,7 @@ fn id_first(mut document: Document) -> Result<Document> {
             return Err(QueryError::invalid(53, "the '_id' value cannot be of type array, regex or undefined"));
         }
         Some(id) => {
-            check_id(&id)?;
+            check_id_names(&id)?;
             id
         }
         None => Bson::ObjectId(crate::query::object_id::new()),
