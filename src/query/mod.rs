@@ -67,6 +67,7 @@ pub use pipeline::{
     Description, Documents, Merge, Origin, Output, Pipeline, Sources, WhenMatched, WhenNotMatched, is_empty_match,
 };
 pub use projection::Projection;
+pub use random::random_up_to;
 pub use row::Row;
 pub use sort::Sort;
 pub use spill::{Spill, Spool};

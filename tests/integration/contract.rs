@@ -76,6 +76,8 @@ const CASES: &[(&str, Case)] = cases![
     documents_with_any_id_are_found_and_changed,
     a_document_is_found_by_its_place_whatever_its_fields_are_called,
     a_change_by_chance_is_dated_where_it_changes,
+    ids_that_a_collation_takes_for_equal_are_changed_once,
+    an_update_that_fails_has_changed_the_documents_before,
     a_change_compares_as_the_collection_does,
     the_score_of_what_is_changed_is_shown,
     a_document_takes_what_a_command_has_room_for,
@@ -1099,6 +1101,41 @@ fn a_document_is_found_by_its_place_whatever_its_fields_are_called(store: &dyn S
         assert_eq!(ids(store, ns, doc! { "m": 1 }), [1]);
         store.delete(ns, (&doc! {}).into(), false).unwrap();
     }
+}
+
+fn ids_that_a_collation_takes_for_equal_are_changed_once(store: &dyn Store, ns: &Namespace) {
+    let Ok(collation) = Collation::parse(&doc! { "locale": "en", "strength": 2 }) else {
+        return; // This build has no collations.
+    };
+    insert(store, ns, [doc! { "_id": "A", "n": 0 }, doc! { "_id": "a", "n": 0 }, doc! { "_id": 1, "n": 0 }]);
+    let modifiers = Modifiers { collation: Some(collation), ..Modifiers::default() };
+    let next = doc! { "$replaceWith": { "_id": "$_id", "n": { "$add": ["$n", 1] } } };
+    let updates = [
+        UpdateSpec::Document(doc! { "$inc": { "n": 1 } }),
+        UpdateSpec::Document(doc! { "$inc": { "n": 1 }, "$unset": { "x.y": 1 } }),
+        UpdateSpec::Pipeline(vec![next]),
+    ];
+    for (n, spec) in (1..).zip(updates) {
+        let all = UpdateRequest { update: spec, many: true, modifiers: modifiers.clone(), ..update(doc! {}, doc! {}) };
+        assert_eq!(store.update(ns, &all, Some(instant(n))).unwrap(), changed(3, 3));
+        let dated = doc! { "n": n, "_robmem_info.updated": instant(n) };
+        assert_eq!(store.count(ns, (&dated).into()).unwrap(), 3, "{n}");
+    }
+    let one = FindAndModify {
+        filter: doc! { "_id": "a" },
+        sort: doc! { "_id": 1 },
+        modifiers,
+        ..first(doc! { "$addToSet": { "l": 1 } })
+    };
+    assert!(modified(store, ns, &one).2);
+    assert_eq!(store.count(ns, (&doc! { "l": 1 }).into()).unwrap(), 1);
+}
+
+fn an_update_that_fails_has_changed_the_documents_before(store: &dyn Store, ns: &Namespace) {
+    insert(store, ns, [doc! { "_id": 4, "n": 1 }, doc! { "_id": 3, "n": "x" }, doc! { "_id": 1, "n": 1 }]);
+    let all = UpdateRequest { many: true, ..update(doc! {}, doc! { "$inc": { "n": 1 } }) };
+    assert!(store.update(ns, &all, Some(instant(5))).is_err());
+    assert_eq!(ids(store, ns, doc! { "n": 2 }), [4]);
 }
 
 fn a_change_by_chance_is_dated_where_it_changes(store: &dyn Store, ns: &Namespace) {

@@ -3,31 +3,27 @@
 //! As with updates, the metadata is written only where the document changes. Where one request cannot carry it
 //! (`single_step`), the document is read first, and changed if it is still as it was read.
 
-use std::time::Duration;
-
 use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::{ReturnDocument, UpdateModifications};
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
+use super::attempts::choices;
 use super::dates::path;
+use super::named::{exactly, none_of, same};
 use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use super::update::{as_it_was, is_replacement, with_updated, without_metadata};
 use super::{MongoDb, failure};
 use crate::query::collation::during;
 use crate::query::text::asks_for_score;
-use crate::query::{Collation, Filter, Projection, QueryError, constants, is_positional};
+use crate::query::{Collation, Filter, Projection, QueryError, constants, is_positional, random_up_to};
 use crate::store::metadata::{self, INFO, UPDATED};
 use crate::store::{
     Find, FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest,
     UpdateSpec,
 };
 
-/// How often a document is looked for again after another client changed it.
-const ATTEMPTS: u32 = 64;
-/// How long one waits behind the first attempt; behind each one more, so much longer.
-const PAUSE: Duration = Duration::from_micros(200);
 /// The largest document, in bytes, that is compared as a whole.
 const LARGEST_CONDITION: usize = 1 << 20;
 
@@ -102,24 +98,18 @@ impl MongoDb {
             metadata::check_update(&update.update)?;
             request.check()?;
         }
-        for attempt in 0..ATTEMPTS {
+        self.in_attempts(|attempt| {
             let done = match at {
-                Some(at) => self.change_with_metadata(ns, request, update, at)?,
+                Some(at) => self.change_with_metadata(ns, request, update, at, attempt)?,
                 None => self.as_it_is(ns, request, update)?,
             };
             match done {
-                Attempt::Done(modified) => return Ok(modified),
-                Attempt::Overtaken => std::thread::sleep(PAUSE * attempt),
-                Attempt::Unmatched if update.upsert => {
-                    if let Some(inserted) = self.insert_unmatched(ns, request, update, at)? {
-                        return Ok(inserted);
-                    }
-                }
-                Attempt::Unmatched => return Ok(Modified::default()),
+                Attempt::Done(modified) => Ok(Some(modified)),
+                Attempt::Overtaken => Ok(None),
+                Attempt::Unmatched if update.upsert => self.insert_unmatched(ns, request, update, at),
+                Attempt::Unmatched => Ok(Some(Modified::default())),
             }
-        }
-        let reason = format!("other clients changed the document {ATTEMPTS} times between finding and changing it");
-        Err(StoreError::Failed { address: self.address.clone(), reason })
+        })
     }
 
     /// The change without metadata.
@@ -134,6 +124,7 @@ impl MongoDb {
         request: &FindAndModify,
         update: &UpdateRequest,
         at: DateTime,
+        attempt: u32,
     ) -> Result<Attempt, StoreError> {
         // The second one would not say whether anything changed.
         if let Some(Single { request: single, meaning }) = single_step::with_metadata(update, at)?.next() {
@@ -155,10 +146,15 @@ impl MongoDb {
                 }
             }
         }
-        let Some(before) = self.find(ns, &request.find(Document::new()))?.next().transpose()? else {
+        // Without an order, any match will do.
+        let limit = if request.sort.is_empty() { choices(attempt) } else { 1 };
+        let find = Find { limit, ..request.find(Document::new()) };
+        let mut matches = self.find(ns, &find)?.collect::<Result<Vec<_>, _>>()?;
+        let Some(last) = matches.len().checked_sub(1) else {
             self.check(ns, request, update)?;
             return Ok(Attempt::Unmatched);
         };
+        let before = matches.swap_remove(random_up_to(last));
         self.change_what_is_read(ns, request, update, before, at)
     }
 
@@ -178,7 +174,7 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
         let id = id(&before)?;
-        let this = doc! { "$and": [request.filter.clone(), same(&id)] };
+        let this = this(request, &id);
         let read = vec![(id, before)];
         let plain = without_metadata(&update.update, &read, at)?;
         let collation = self.comparing(ns, update)?;
@@ -210,17 +206,24 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
         let id = id(before)?;
-        let filter = doc! { "$and": [request.filter.clone(), same(&id), the_same(before)?] };
+        let filter = doc! { "$and": [this(request, &id), the_same(request, before)?] };
         let change = Change { filter, ..Change::asked(request, update, plain) };
-        let Some(document) = self.change_one(ns, change)? else { return Ok(Attempt::Overtaken) };
+        // The document may be changed, too, where it cannot be shown.
+        let shown = match self.change_one(ns, change) {
+            Ok(None) => return Ok(Attempt::Overtaken),
+            Ok(Some(document)) => Ok(document),
+            Err(mistake @ StoreError::Query(_)) => Err(mistake),
+            Err(error) => return Err(error),
+        };
         let find = Find { filter: same(&id), limit: 1, current: true, ..Find::default() };
         let after = self.find(ns, &find)?.next().transpose()?;
         let is_changed = after.is_some_and(|after| after != *before);
         if !is_changed {
-            return Ok(Attempt::done(document, false));
+            return Ok(Attempt::done(shown?, false));
         }
         let date = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
         self.apply(ns, UpdateRequest { filter: same(&id), update: date, ..UpdateRequest::default() })?;
+        let document = shown?;
         Ok(Attempt::changed(if request.new { dated(document, &request.projection, at)? } else { document }))
     }
 
@@ -241,7 +244,7 @@ impl MongoDb {
         match Shown::parse(request, collation) {
             Ok(shown) if !asks_for_score(&request.projection) => Ok(Some(shown.of(document, at)?)),
             _ => {
-                let filter = doc! { "$and": [filter, the_same(document)?] };
+                let filter = doc! { "$and": [filter, the_same(request, document)?] };
                 let modifiers = request.modifiers.without_hint();
                 let find = Find { filter, modifiers, ..request.find(request.projection.clone()) };
                 self.find(ns, &find)?.next().transpose()
@@ -336,8 +339,17 @@ fn with_the_same_metadata(document: &RawDocumentBuf) -> Result<Document, QueryEr
     Ok(info.map_or_else(|| doc! { INFO: { "$exists": false } }, |info| doc! { INFO: { "$eq": info } }))
 }
 
+/// The document that a request is about, where it still matches. No expression goes with the positional `$` of a projection.
+fn this(request: &FindAndModify, id: &Bson) -> Document {
+    let collation = request.modifiers.collation.as_ref().filter(|_| !is_positional(&request.projection));
+    doc! { "$and": [request.filter.clone(), exactly(id, collation)] }
+}
+
 /// The condition that a document is as it was read, as far as a command can say that.
-fn the_same(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+fn the_same(request: &FindAndModify, document: &RawDocumentBuf) -> Result<Document, QueryError> {
+    if is_positional(&request.projection) {
+        return with_the_same_metadata(document);
+    }
     let known = Document::try_from(&**document)?;
     // One with a field twice cannot be written as an expression, and a large one not beside the update.
     if document.as_bytes().len() > LARGEST_CONDITION || RawDocumentBuf::try_from(&known)? != *document {
@@ -367,19 +379,11 @@ fn id(document: &RawDocumentBuf) -> Result<Bson, QueryError> {
     Ok(id.unwrap_or(Bson::Null))
 }
 
-/// A filter that matches nothing and contains another, so that it is checked.
-pub(super) fn none_of(filter: &Document) -> Document {
-    doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
-}
-
-/// The filter for the document with an `_id`.
-fn same(id: &Bson) -> Document {
-    doc! { "_id": { "$eq": id } }
-}
-
 /// A document that is shown as it is after a change, with the date of that, where its metadata is shown as a whole.
 fn dated(document: RawDocumentBuf, projection: &Document, at: DateTime) -> Result<RawDocumentBuf, QueryError> {
-    let is_whole = !projection.keys().any(|path| path.split_once('.').is_some_and(|(first, _)| first == INFO));
+    let is_of_info = |path: &str| path.split('.').next() == Some(INFO);
+    let is_whole =
+        projection.iter().filter(|(path, _)| is_of_info(path)).all(|(path, value)| path == INFO && is_choice(value));
     match document.get(INFO)? {
         Some(RawBsonRef::Document(_)) if is_whole => {
             let mut document = Document::try_from(&*document)?;

@@ -6,9 +6,8 @@ use std::time::{Duration, Instant};
 
 use crate::store::Namespace;
 
-/// How long something is taken to be as it was: other clients may drop and make collections and indexes. The server itself looks for
-/// what has decayed once a minute.
-const KNOWN_FOR: Duration = Duration::from_secs(10);
+/// How long something is taken to be as it was: other clients may drop and make collections and indexes.
+const KNOWN_FOR: Duration = Duration::from_secs(1);
 
 /// What is known of collections.
 pub(super) struct Known<T>(Mutex<HashMap<Namespace, (Instant, T)>>);

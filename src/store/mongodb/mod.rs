@@ -7,6 +7,7 @@
 pub mod admin;
 
 mod action;
+mod attempts;
 mod check;
 mod client;
 mod dates;
@@ -18,6 +19,7 @@ mod image;
 mod index;
 mod keeping;
 mod known;
+mod named;
 mod position;
 mod prediction;
 mod raw;

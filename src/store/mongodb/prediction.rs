@@ -26,7 +26,7 @@ pub(super) fn predict(
     before: &Before,
     at: DateTime,
 ) -> Option<Vec<Prediction>> {
-    if is_random(plain) {
+    if is_uncertain(plain, &request.modifiers.variables) {
         return None;
     }
     during(collation, || {
@@ -71,19 +71,27 @@ impl MongoDb {
     }
 }
 
-/// Whether an update gives something else each time.
-fn is_random(update: &UpdateSpec) -> bool {
+/// Whether what an update gives depends on chance or on the server's clock; a field that is set to the time itself differs from
+/// what it was.
+fn is_uncertain(update: &UpdateSpec, variables: &Document) -> bool {
     fn within(value: &Bson) -> bool {
         match value {
             Bson::Document(fields) => {
                 fields.iter().any(|(name, value)| matches!(name.as_str(), "$rand" | "$function") || within(value))
             }
             Bson::Array(items) => items.iter().any(within),
+            Bson::String(text) => text.starts_with("$$NOW") || text.starts_with("$$CLUSTER_TIME"),
             _ => false,
         }
     }
+    let in_stage = |(name, argument): (&String, &Bson)| match (name.as_str(), argument) {
+        ("$set" | "$addFields", Bson::Document(fields)) => {
+            fields.values().any(|value| value.as_str() != Some("$$NOW") && within(value))
+        }
+        _ => within(argument),
+    };
     let UpdateSpec::Pipeline(stages) = update else { return false };
-    stages.iter().flat_map(Document::values).any(within)
+    stages.iter().flatten().any(in_stage) || variables.values().any(within)
 }
 
 /// Whether an update compares values of the document with others.
@@ -121,10 +129,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_random_is_not_predicted() {
-        let random = |update: Document| is_random(&UpdateSpec::Pipeline(vec![update]));
-        assert!(random(doc! { "$set": { "x": { "$cond": [{ "$lt": [{ "$rand": {} }, 0.5] }, 1, 2] } } }));
-        assert!(!random(doc! { "$set": { "x": { "$cond": [{ "$lt": ["$y", 0.5] }, 1, 2] } } }));
+    fn what_depends_on_chance_or_the_clock_is_not_predicted() {
+        let none = Document::new();
+        let uncertain = |set: Document, variables: &Document| {
+            is_uncertain(&UpdateSpec::Pipeline(vec![doc! { "$set": set }]), variables)
+        };
+        assert!(uncertain(doc! { "x": { "$cond": [{ "$lt": [{ "$rand": {} }, 0.5] }, 1, 2] } }, &none));
+        assert!(uncertain(doc! { "x": { "$lt": ["$y", "$$NOW"] } }, &none));
+        assert!(uncertain(doc! { "x": "$$v" }, &doc! { "v": { "$rand": {} } }));
+        assert!(!uncertain(doc! { "x": { "$cond": [{ "$lt": ["$y", 0.5] }, 1, 2] }, "at": "$$NOW" }, &doc! { "v": 1 }));
     }
 
     #[test]

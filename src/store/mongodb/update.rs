@@ -17,20 +17,21 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
+use super::attempts::choices;
 use super::dates::{add_field, inserted, path};
-use super::find_and_modify::none_of;
+use super::named::{self, none_of};
 use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use crate::interrupt::stops_work;
-use crate::query::{Collation, QueryError, check_upsert};
+use crate::query::{Collation, QueryError, check_upsert, key, random_up_to};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
 use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
-/// How often the first match is looked for again after another client changed it.
-const ATTEMPTS: usize = 16;
+/// The same with a collation, where each is named by a longer condition.
+const CHUNK_WITH_COLLATION: usize = 100;
 
 /// The documents of a chunk as they were, by `_id`.
 pub(super) type Before = Vec<(Bson, RawDocumentBuf)>;
@@ -55,14 +56,26 @@ impl MongoDb {
         if request.upsert {
             check_upsert(&request.filter)?;
         }
-        let done = match self.in_one_request(ns, request, at)? {
-            Some(done) => done,
-            None => self.update_what_is_read(ns, request, at)?,
-        };
-        if done.matched > 0 || !request.upsert {
-            return Ok(done);
-        }
-        self.apply(ns, UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() })
+        self.in_attempts(|_| {
+            let done = match self.in_one_request(ns, request, at)? {
+                Some(done) => done,
+                None => self.update_what_is_read(ns, request, at)?,
+            };
+            if done.matched > 0 || !request.upsert {
+                return Ok(Some(done));
+            }
+            let upsert = UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() };
+            match self.apply(ns, upsert) {
+                // Another client has just inserted what is to be changed.
+                Err(StoreError::Duplicate { .. }) if self.matches(ns, request)? => Ok(None),
+                done => done.map(Some),
+            }
+        })
+    }
+
+    /// Whether there is anything to be updated.
+    fn matches(&self, ns: &Namespace, request: &UpdateRequest) -> Result<bool, StoreError> {
+        Ok(self.find(ns, &matching(request, request.filter.clone(), 1))?.next().transpose()?.is_some())
     }
 
     /// Updates the first match with its metadata by one request; nothing is done where none of those tried can.
@@ -103,36 +116,38 @@ impl MongoDb {
 
     fn update_first(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
         let Work { ns, request, .. } = *work;
-        for _ in 0..ATTEMPTS {
-            let modifiers = request.modifiers.clone();
-            let find = Find { filter: request.filter.clone(), limit: 1, modifiers, current: true, ..Find::default() };
-            let before = with_ids(self.find(ns, &find)?)?;
-            if before.is_empty() {
-                break;
-            }
-            let done = self.update_chunk(work, before)?;
-            if done.matched > 0 {
-                return Ok(done);
-            }
-        }
-        Ok(Updated::default())
+        self.in_attempts(|attempt| {
+            let find = matching(request, request.filter.clone(), choices(attempt));
+            let mut before = with_ids(self.find(ns, &find)?)?;
+            let Some(last) = before.len().checked_sub(1) else { return Ok(Some(Updated::default())) };
+            let chosen = before.swap_remove(random_up_to(last));
+            let done = self.update_chunk(work, vec![chosen])?;
+            Ok((done.matched > 0).then_some(done))
+        })
     }
 
     fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
         let Work { ns, request, at, .. } = *work;
-        let chunk = if makes_new_documents(&request.update) { 1 } else { CHUNK };
+        let collation = request.modifiers.collation.as_ref();
+        let chunk = match collation {
+            _ if makes_new_documents(&request.update) => 1,
+            Some(_) => CHUNK_WITH_COLLATION,
+            None => CHUNK,
+        };
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
-        let (projection, modifiers) = (doc! { "_id": 1 }, request.modifiers.clone());
-        let find = Find { filter: request.filter.clone(), projection, modifiers, current: true, ..Find::default() };
+        let find = Find { projection: doc! { "_id": 1 }, ..matching(request, request.filter.clone(), 0) };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut done = Updated::default();
         for ids in matches.chunks(chunk) {
             if stops_work() {
                 return Err(StoreError::Interrupted { done: done.modified });
             }
-            let filter = doc! { "$and": [request.filter.clone(), { "_id": { "$in": ids } }] };
-            let modifiers = request.modifiers.clone();
-            let before = with_ids(self.find(ns, &Find { filter, modifiers, current: true, ..Find::default() })?)?;
+            let filter = doc! { "$and": [request.filter.clone(), named::among(ids, collation)] };
+            let mut before = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
+            // By `_id`s they come in another order, and where one cannot be changed, those before it are.
+            let places: HashMap<Vec<u8>, usize> =
+                ids.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
+            before.sort_by_key(|(id, _)| places.get(&key::encode_value(id)).copied());
             if !before.is_empty() {
                 let chunk = self.update_chunk(work, before);
                 let chunk = chunk.map_err(|error| self.counted(ns, error, (ids, at), done.modified))?;
@@ -222,12 +237,16 @@ impl MongoDb {
     fn different(&self, ns: &Namespace, these: Document, before: &Before) -> Result<Vec<Bson>, StoreError> {
         let after = with_ids(self.find(ns, &Find { filter: these, current: true, ..Find::default() })?)?;
         let known: HashMap<Vec<u8>, &RawDocumentBuf> =
-            before.iter().map(|(id, body)| (crate::query::key::encode_value(id), body)).collect();
-        let is_new = |(id, body): &(Bson, RawDocumentBuf)| {
-            known.get(&crate::query::key::encode_value(id)).is_none_or(|old| *old != body)
-        };
+            before.iter().map(|(id, body)| (key::encode_value(id), body)).collect();
+        let is_new =
+            |(id, body): &(Bson, RawDocumentBuf)| known.get(&key::encode_value(id)).is_none_or(|old| *old != body);
         Ok(after.into_iter().filter(is_new).map(|(id, _)| id).collect())
     }
+}
+
+/// The query for matches of an update, at most so many (0 for all), by another filter.
+fn matching(request: &UpdateRequest, filter: Document, limit: u64) -> Find {
+    Find { filter, limit, modifiers: request.modifiers.clone(), current: true, ..Find::default() }
 }
 
 fn ids(documents: &Before) -> Vec<Bson> {
@@ -241,7 +260,7 @@ fn add(done: &mut Updated, more: &Updated) {
 
 /// The request for those of the documents that still match.
 fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result<UpdateRequest, QueryError> {
-    let these = doc! { "_id": { "$in": ids(before) } };
+    let these = named::among(&ids(before), request.modifiers.collation.as_ref());
     Ok(UpdateRequest {
         filter: doc! { "$and": [request.filter.clone(), these, as_it_was(&request.update, before)?] },
         update,

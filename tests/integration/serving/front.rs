@@ -19,6 +19,7 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::plain_clients_have_computables_and_metadata", in_front),
     ("serving::in_front_of_mongod::each_client_takes_another_document", taken),
     ("serving::in_front_of_mongod::each_client_gets_another_number", numbered),
+    ("serving::in_front_of_mongod::clients_that_change_the_same_documents_all_get_done", crowded),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
     ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
@@ -71,6 +72,14 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     let changed = things.find_one_and_update(doc! { "_id": 8 }, doc! { "$max": { "x": 0.1 } });
     assert_eq!(changed.return_document(ReturnDocument::After).run()?, Some(doc! { "_id": 8, "x": 0.1 }));
     let dated = doc! { "_id": 8, "x": 0.1, "_robmem_info.updated": { "$exists": true } };
+    assert_eq!(behind.delete_one(dated).run()?.deleted_count, 1);
+    // What is changed is dated also where it cannot be shown.
+    let bad = doc! { "bad": { "$divide": ["$_id", "$zero"] } };
+    let by_chance = vec![doc! { "$set": { "x": { "$ceil": { "$rand": {} } }, "zero": 0 } }];
+    things.insert_one(doc! { "_id": 9 }).run()?;
+    let changed = things.find_one_and_update(doc! { "_id": 9 }, by_chance).projection(bad);
+    assert_eq!(code(changed.return_document(ReturnDocument::After).run()), Some(2));
+    let dated = doc! { "_id": 9, "zero": 0, "_robmem_info.updated": { "$exists": true } };
     assert_eq!(behind.delete_one(dated).run()?.deleted_count, 1);
     things.create_index(mongodb::IndexModel::builder().keys(doc! { "n": 1 }).build()).run()?;
     assert!(behind.list_index_names().run()?.contains(&"n_1".to_owned()));
@@ -145,6 +154,54 @@ fn taken(mongod: &str) -> Result<(), Failed> {
     assert_eq!(ids, (0..CLIENTS * EACH).collect::<Vec<_>>());
     database.drop().run()?;
     Ok(())
+}
+
+fn crowded(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 16;
+    const ORDERS: i32 = 60;
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("crowded");
+    database.drop().run()?;
+    let orders = database.collection::<Document>("orders");
+    orders.insert_many((0..ORDERS).map(|id| doc! { "_id": id, "state": "open" })).run()?;
+    database.collection::<Document>("keys").create_index(unique("k")).run()?;
+    let work = |client: i32| -> Result<u64, Failed> {
+        let database = served.client()?.database("crowded");
+        let (orders, keys) = (database.collection::<Document>("orders"), database.collection::<Document>("keys"));
+        for key in 0..4 {
+            let most = doc! { "$max": { "n": client }, "$setOnInsert": { "made": true } };
+            keys.update_one(doc! { "k": key }, most).upsert(true).run()?;
+        }
+        let mut taken = 0;
+        loop {
+            let take = doc! { "$set": { "state": "taken", "by.client": client } };
+            match orders.update_one(doc! { "state": "open" }, take).run()?.matched_count {
+                0 => break,
+                count => taken += count,
+            }
+        }
+        assert_eq!(orders.count_documents(doc! { "state": "open" }).run()?, 0, "there were more");
+        Ok(taken)
+    };
+    let taken = std::thread::scope(|scope| -> Result<u64, Failed> {
+        let clients: Vec<_> = (0..CLIENTS).map(|client| scope.spawn(move || work(client))).collect();
+        let mut taken = 0;
+        for client in clients {
+            taken += client.join().map_err(|_| "a client failed")??;
+        }
+        Ok(taken)
+    })?;
+    assert_eq!(taken, u64::try_from(ORDERS)?);
+    let most = doc! { "n": CLIENTS - 1, "made": true };
+    assert_eq!(database.collection::<Document>("keys").count_documents(most).run()?, 4);
+    database.drop().run()?;
+    Ok(())
+}
+
+fn unique(field: &str) -> mongodb::IndexModel {
+    let options = mongodb::options::IndexOptions::builder().unique(true).build();
+    mongodb::IndexModel::builder().keys(doc! { field: 1 }).options(options).build()
 }
 
 fn numbered(mongod: &str) -> Result<(), Failed> {

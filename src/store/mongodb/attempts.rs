@@ -1,0 +1,43 @@
+//! Trying again what other clients came in between.
+
+use std::time::Duration;
+
+use super::MongoDb;
+use crate::interrupt::stops_work;
+use crate::store::StoreError;
+
+/// How often something is tried.
+const ATTEMPTS: u32 = 64;
+/// How long one waits behind the second attempt; behind each one more, so much longer.
+const PAUSE: Duration = Duration::from_micros(200);
+/// The most documents of which one is chosen.
+const MOST_CHOICES: u32 = 64;
+
+impl MongoDb {
+    /// Does what gives nothing where other clients changed a document meanwhile, until it gives something. It is told the
+    /// number of the attempt.
+    ///
+    /// # Errors
+    /// Where it fails, or others are always faster.
+    pub(super) fn in_attempts<T>(
+        &self,
+        mut work: impl FnMut(u32) -> Result<Option<T>, StoreError>,
+    ) -> Result<T, StoreError> {
+        for attempt in 0..ATTEMPTS {
+            if let Some(done) = work(attempt)? {
+                return Ok(done);
+            }
+            if stops_work() {
+                return Err(StoreError::Interrupted { done: 0 });
+            }
+            std::thread::sleep(PAUSE * attempt);
+        }
+        let reason = format!("other clients changed the document {ATTEMPTS} times between finding and changing it");
+        Err(StoreError::Failed { address: self.address.clone(), reason })
+    }
+}
+
+/// Of how many matches one is taken, where any will do: with each attempt of more, so that clients get out of each other's way.
+pub(super) fn choices(attempt: u32) -> u64 {
+    u64::from(1u32.checked_shl(attempt).map_or(MOST_CHOICES, |choices| choices.min(MOST_CHOICES)))
+}
