@@ -35,7 +35,10 @@ pub fn received() -> bool {
     let ends = again || GUARDS.load(Ordering::SeqCst) == 0;
     if ends {
         // One that has taken the place of its target by now is not there any more.
-        unfinished(|files| files.iter().for_each(|path| remove(path)));
+        let files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        files.iter().for_each(|path| remove(path));
+        // Until the process has ended, no thread makes another one.
+        std::mem::forget(files);
     }
     ends
 }
@@ -49,24 +52,35 @@ fn remove(path: &Path) {
     }
 }
 
-fn unfinished(work: impl FnOnce(&mut Vec<PathBuf>)) {
-    work(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
+fn unfinished<T>(work: impl FnOnce(&mut Vec<PathBuf>) -> T) -> T {
+    work(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// While it lives, an interruption that ends the process removes its file, or its folder.
+/// While it lives, an interruption that ends the process removes its files, and its folders.
 #[derive(Debug)]
-pub(crate) struct Unfinished(PathBuf);
+pub(crate) struct Unfinished(Vec<PathBuf>);
 
 impl Unfinished {
-    pub(crate) fn new(path: &Path) -> Self {
-        unfinished(|files| files.push(path.to_owned()));
-        Self(path.to_owned())
+    /// Makes something that has these paths; no interruption ends the process between that and their being known.
+    ///
+    /// # Errors
+    /// Where it cannot be made.
+    pub(crate) fn making<T, E>(
+        make: impl FnOnce() -> Result<T, E>,
+        paths: impl FnOnce(&T) -> Vec<PathBuf>,
+    ) -> Result<(T, Self), E> {
+        unfinished(|files| {
+            let made = make()?;
+            let paths = paths(&made);
+            files.extend_from_slice(&paths);
+            Ok((made, Self(paths)))
+        })
     }
 }
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        unfinished(|files| files.retain(|path| *path != self.0));
+        unfinished(|files| files.retain(|path| !self.0.contains(path)));
     }
 }
 

@@ -83,8 +83,9 @@ impl Pending {
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         let unnamed = |error: io::Error| io::Error::from(error.kind());
-        let file = builder.tempfile_in(folder).map_err(unnamed)?;
-        Ok(Self { _unfinished: Unfinished::new(file.path()), file, target })
+        let make = || builder.tempfile_in(folder).map_err(unnamed);
+        let (file, unfinished) = Unfinished::making(make, |file| vec![file.path().to_owned()])?;
+        Ok(Self { _unfinished: unfinished, file, target })
     }
 
     /// What is to be written.

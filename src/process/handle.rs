@@ -56,11 +56,10 @@ pub(super) struct Left {
 
 impl Supervisor {
     pub(super) fn start(job: &Job<'_>, limits: &Limits, host: &Host<'_>) -> Result<Self, End> {
-        let directory = tempfile::Builder::new()
-            .prefix(&stale_files::prefix(&host.temporary, "rmem-run-"))
-            .tempdir_in(&host.temporary)
+        let prefix = stale_files::prefix(&host.temporary, "rmem-run-");
+        let make = || tempfile::Builder::new().prefix(&prefix).tempdir_in(&host.temporary);
+        let (directory, unfinished) = Unfinished::making(make, |directory| vec![directory.path().to_owned()])
             .map_err(|error| End::no_files(host, &error))?;
-        let unfinished = Unfinished::new(directory.path());
         let (ours, theirs) = UnixStream::pair()?;
         let mut command = Command::new(&host.exe);
         command.arg("__supervisor").arg("--directory").arg(directory.path());

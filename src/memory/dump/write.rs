@@ -84,8 +84,8 @@ pub fn write_folder(
     let prefix = stale_files::prefix(beside(path), PREFIX);
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o777));
     // The error leaves out the name of the temporary folder.
-    let staged = builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()))?;
-    let _unfinished = Unfinished::new(staged.path());
+    let make = || builder.tempdir_in(beside(path)).map_err(|error| failed(error.kind().into()));
+    let (staged, _unfinished) = Unfinished::making(make, |staged| vec![staged.path().to_owned()])?;
     let namespaces = in_order(namespaces);
     let mut written = Vec::with_capacity(namespaces.len());
     for namespace in namespaces {
@@ -114,8 +114,8 @@ pub fn write_archive(
     let mut builder = tempfile::Builder::new();
     let prefix = stale_files::prefix(beside(path), PREFIX);
     builder.prefix(&prefix).permissions(Permissions::from_mode(0o666));
-    let (file, staged) = builder.tempfile_in(beside(path)).map_err(failed)?.into_parts();
-    let _unfinished = Unfinished::new(&staged);
+    let make = || builder.tempfile_in(beside(path)).map_err(failed).map(tempfile::NamedTempFile::into_parts);
+    let ((file, staged), _unfinished) = Unfinished::making(make, |(_, staged)| vec![staged.to_path_buf()])?;
     let namespaces = in_order(namespaces);
     let described = namespaces.iter().map(|ns| metadata(memory, ns)).collect::<Result<Vec<_>, _>>()?;
     let names = namespaces.iter().zip(&described).map(|(ns, metadata)| (ns.database.as_str(), metadata));

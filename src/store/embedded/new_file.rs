@@ -16,7 +16,7 @@ pub(super) struct NewFile<'a> {
     path: &'a Path,
     place: Place,
     staged: NamedTempFile,
-    _unfinished: Vec<Unfinished>,
+    _unfinished: Unfinished,
     _beside: Beside,
 }
 
@@ -50,13 +50,15 @@ impl<'a> NewFile<'a> {
             let reason = reason.split(" at path ").next().unwrap_or_default();
             failed(format!("cannot make a file in {}: {reason}", folder.display()))
         };
-        let staged = tempfile::Builder::new()
-            .prefix(&stale_files::prefix(folder, ".rmem-"))
-            .tempfile_in(folder)
-            .map_err(unnamed)?;
-        let beside = companions(staged.path());
-        let unfinished = std::iter::once(staged.path()).chain(beside.iter().map(PathBuf::as_path)).map(Unfinished::new);
-        Ok(Self { path, place, _unfinished: unfinished.collect(), _beside: Beside(beside.into()), staged })
+        let prefix = stale_files::prefix(folder, ".rmem-");
+        let make = || tempfile::Builder::new().prefix(&prefix).tempfile_in(folder).map_err(unnamed);
+        let own = |staged: &NamedTempFile| {
+            let path = staged.path();
+            companions(path).into_iter().chain([path.to_owned()]).collect()
+        };
+        let (staged, unfinished) = Unfinished::making(make, own)?;
+        let beside = companions(staged.path()).into();
+        Ok(Self { path, place, _unfinished: unfinished, _beside: Beside(beside), staged })
     }
 
     /// Its name until then.
