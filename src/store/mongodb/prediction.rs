@@ -3,10 +3,12 @@
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
 use super::MongoDb;
-use super::update::Before;
 use crate::query::collation::during;
 use crate::query::{Collation, Filter, constants};
 use crate::store::{Namespace, StoreError, UpdateRequest, UpdateSpec, index, metadata};
+
+/// Documents as they were read, by `_id`.
+pub(super) type Before = Vec<(Bson, RawDocumentBuf)>;
 
 /// What an update is predicted to do to a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -20,7 +20,7 @@ use super::MongoDb;
 use super::attempts::choices;
 use super::dates::{add_field, inserted, path};
 use super::named::{self, none_of};
-use super::prediction::{Prediction, predict};
+use super::prediction::{Before, Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use crate::interrupt::stops_work;
 use crate::query::{Collation, QueryError, check_upsert, key, random_up_to};
@@ -32,9 +32,6 @@ use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, Updat
 const CHUNK: usize = 1_000;
 /// The same with a collation, where each is named by a longer condition.
 const CHUNK_WITH_COLLATION: usize = 100;
-
-/// The documents of a chunk as they were, by `_id`.
-pub(super) type Before = Vec<(Bson, RawDocumentBuf)>;
 
 /// An update of documents that are read before.
 struct Work<'a> {
