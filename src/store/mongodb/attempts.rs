@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::MongoDb;
 use crate::interrupt::stops_work;
+use crate::query::random_up_to;
 use crate::store::StoreError;
 
 /// How often something is tried.
@@ -35,6 +36,12 @@ impl MongoDb {
         let reason = format!("other clients changed the document {ATTEMPTS} times between finding and changing it");
         Err(StoreError::Failed { address: self.address.clone(), reason })
     }
+}
+
+/// One of the matches.
+pub(super) fn any_of<T>(mut matches: Vec<T>) -> Option<T> {
+    let last = matches.len().checked_sub(1)?;
+    Some(matches.swap_remove(random_up_to(last)))
 }
 
 /// Of how many matches one is taken, where any will do: with each attempt of more, so that clients get out of each other's way.

@@ -8,7 +8,7 @@ use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::{ReturnDocument, UpdateModifications};
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
-use super::attempts::choices;
+use super::attempts::{any_of, choices};
 use super::dates::path;
 use super::named::{exactly, none_of, same};
 use super::prediction::{Prediction, predict};
@@ -17,7 +17,7 @@ use super::update::{as_it_was, is_replacement, with_updated, without_metadata};
 use super::{MongoDb, failure};
 use crate::query::collation::during;
 use crate::query::text::asks_for_score;
-use crate::query::{Collation, Filter, Projection, QueryError, constants, is_positional, random_up_to};
+use crate::query::{Collation, Filter, Projection, QueryError, constants, is_positional};
 use crate::store::metadata::{self, INFO, UPDATED};
 use crate::store::{
     Find, FindAndModify, Modification, Modified, Modifiers, Namespace, Store as _, StoreError, UpdateRequest,
@@ -149,12 +149,11 @@ impl MongoDb {
         // Without an order, any match will do.
         let limit = if request.sort.is_empty() { choices(attempt) } else { 1 };
         let find = Find { limit, ..request.find(Document::new()) };
-        let mut matches = self.find(ns, &find)?.collect::<Result<Vec<_>, _>>()?;
-        let Some(last) = matches.len().checked_sub(1) else {
+        let matches = self.find(ns, &find)?.collect::<Result<_, _>>()?;
+        let Some(before) = any_of(matches) else {
             self.check(ns, request, update)?;
             return Ok(Attempt::Unmatched);
         };
-        let before = matches.swap_remove(random_up_to(last));
         self.change_what_is_read(ns, request, update, before, at)
     }
 

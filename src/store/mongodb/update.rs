@@ -17,13 +17,13 @@ use std::collections::HashMap;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
 use super::MongoDb;
-use super::attempts::choices;
+use super::attempts::{any_of, choices};
 use super::dates::{add_field, inserted, path};
 use super::named::{self, none_of};
 use super::prediction::{Before, Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use crate::interrupt::stops_work;
-use crate::query::{Collation, QueryError, check_upsert, key, random_up_to};
+use crate::query::{Collation, QueryError, check_upsert, key};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
 use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
@@ -115,9 +115,7 @@ impl MongoDb {
         let Work { ns, request, .. } = *work;
         self.in_attempts(|attempt| {
             let find = matching(request, request.filter.clone(), choices(attempt));
-            let mut before = with_ids(self.find(ns, &find)?)?;
-            let Some(last) = before.len().checked_sub(1) else { return Ok(Some(Updated::default())) };
-            let chosen = before.swap_remove(random_up_to(last));
+            let Some(chosen) = any_of(with_ids(self.find(ns, &find)?)?) else { return Ok(Some(Updated::default())) };
             let done = self.update_chunk(work, vec![chosen])?;
             Ok((done.matched > 0).then_some(done))
         })
