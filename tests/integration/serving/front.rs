@@ -124,6 +124,15 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     Ok(())
 }
 
+/// What so many clients, each in a thread of its own, give.
+fn at_once<T: Send>(clients: i32, work: impl Fn(i32) -> Result<T, Failed> + Sync) -> Result<Vec<T>, Failed> {
+    std::thread::scope(|scope| {
+        let work = &work;
+        let clients: Vec<_> = (0..clients).map(|client| scope.spawn(move || work(client))).collect();
+        clients.into_iter().map(|client| client.join().map_err(|_| "a client failed")?).collect()
+    })
+}
+
 fn taken(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 4;
     const EACH: i32 = 15;
@@ -133,7 +142,7 @@ fn taken(mongod: &str) -> Result<(), Failed> {
     database.drop().run()?;
     let orders = database.collection::<Document>("orders");
     orders.insert_many((0..CLIENTS * EACH).map(|id| doc! { "_id": id, "state": "open" })).run()?;
-    let take = || -> Result<Vec<i32>, Failed> {
+    let take = |_| -> Result<Vec<i32>, Failed> {
         let orders = served.client()?.database("taken").collection::<Document>("orders");
         let next = |_| {
             let taken = doc! { "$set": { "state": "taken" } };
@@ -142,14 +151,7 @@ fn taken(mongod: &str) -> Result<(), Failed> {
         };
         (0..EACH).map(next).collect()
     };
-    let mut ids = std::thread::scope(|scope| -> Result<Vec<i32>, Failed> {
-        let clients: Vec<_> = (0..CLIENTS).map(|_| scope.spawn(take)).collect();
-        let mut ids = Vec::new();
-        for client in clients {
-            ids.extend(client.join().map_err(|_| "a client failed")??);
-        }
-        Ok(ids)
-    })?;
+    let mut ids = at_once(CLIENTS, take)?.concat();
     ids.sort_unstable();
     assert_eq!(ids, (0..CLIENTS * EACH).collect::<Vec<_>>());
     database.drop().run()?;
@@ -184,14 +186,7 @@ fn crowded(mongod: &str) -> Result<(), Failed> {
         assert_eq!(orders.count_documents(doc! { "state": "open" }).run()?, 0, "there were more");
         Ok(taken)
     };
-    let taken = std::thread::scope(|scope| -> Result<u64, Failed> {
-        let clients: Vec<_> = (0..CLIENTS).map(|client| scope.spawn(move || work(client))).collect();
-        let mut taken = 0;
-        for client in clients {
-            taken += client.join().map_err(|_| "a client failed")??;
-        }
-        Ok(taken)
-    })?;
+    let taken: u64 = at_once(CLIENTS, work)?.into_iter().sum();
     assert_eq!(taken, u64::try_from(ORDERS)?);
     let most = doc! { "n": CLIENTS - 1, "made": true };
     assert_eq!(database.collection::<Document>("keys").count_documents(most).run()?, 4);
@@ -205,8 +200,8 @@ fn unique(field: &str) -> mongodb::IndexModel {
 }
 
 fn numbered(mongod: &str) -> Result<(), Failed> {
-    const CLIENTS: i64 = 4;
-    const EACH: i64 = 15;
+    const CLIENTS: i32 = 4;
+    const EACH: i32 = 15;
     let folder = tempfile::tempdir()?;
     let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
     let database = served.client()?.database("numbered");
@@ -214,7 +209,7 @@ fn numbered(mongod: &str) -> Result<(), Failed> {
     let counters = database.collection::<Document>("counters");
     let add = [doc! { "$set": { "n": { "$add": ["$n", "$$step"] } } }];
     let collation = Collation::builder().locale("en").build();
-    let count = |n: i64| -> Result<i64, Failed> {
+    let count = |n: i32| -> Result<i64, Failed> {
         let counters = served.client()?.database("numbered").collection::<Document>("counters");
         let next = counters.find_one_and_update(doc! { "_id": 1 }, add.to_vec()).let_vars(doc! { "step": 1_i64 });
         let next = if n % 2 == 0 { next.collation(collation.clone()) } else { next };
@@ -222,17 +217,9 @@ fn numbered(mongod: &str) -> Result<(), Failed> {
         Ok(next.ok_or("there was no counter")?.get_i64("n")?)
     };
     counters.insert_one(doc! { "_id": 1, "n": 0_i64 }).run()?;
-    let mut numbers = std::thread::scope(|scope| -> Result<Vec<i64>, Failed> {
-        let clients: Vec<_> =
-            (0..CLIENTS).map(|_| scope.spawn(|| (0..EACH).map(count).collect::<Result<Vec<i64>, Failed>>())).collect();
-        let mut numbers = Vec::new();
-        for client in clients {
-            numbers.extend(client.join().map_err(|_| "a client failed")??);
-        }
-        Ok(numbers)
-    })?;
+    let mut numbers = at_once(CLIENTS, |_| (0..EACH).map(count).collect::<Result<Vec<_>, _>>())?.concat();
     numbers.sort_unstable();
-    assert_eq!(numbers, (1..=CLIENTS * EACH).collect::<Vec<_>>());
+    assert_eq!(numbers, (1..=i64::from(CLIENTS * EACH)).collect::<Vec<_>>());
     database.drop().run()?;
     Ok(())
 }
