@@ -1,12 +1,10 @@
 //! The context of a command: settings, streams, and the memory when it is first used.
 
-use std::cell::RefCell;
 use std::ffi::OsStr;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::error::{Context as _, Result};
@@ -42,7 +40,7 @@ pub struct Context<'a> {
     stdin: Option<&'a mut dyn BufRead>,
     pub(super) terminal: bool,
     pub(super) columns: Option<usize>,
-    operations: Rc<RefCell<Vec<Operation>>>,
+    operations: Arc<Mutex<Vec<Operation>>>,
     /// What a memory warned of, in whichever thread.
     warnings: Arc<Mutex<Vec<String>>>,
 }
@@ -70,7 +68,7 @@ impl<'a> Context<'a> {
             stdin: Some(stdin),
             terminal,
             columns,
-            operations: Rc::default(),
+            operations: Arc::default(),
             warnings: Arc::default(),
         }
     }
@@ -95,7 +93,7 @@ impl<'a> Context<'a> {
     pub fn memory_to_fill(&mut self) -> Result<Memory> {
         let warnings = Arc::clone(&self.warnings);
         let memory = self.opening().open(self.observer())?;
-        let memory = memory.with_warnings(Rc::new(move |warning| push(&warnings, warning)));
+        let memory = memory.with_warnings(Arc::new(move |warning| push(&warnings, warning)));
         let paths = self.settings.load.clone();
         for (nth, path) in paths.iter().enumerate() {
             let start = Instant::now();
@@ -128,20 +126,20 @@ impl<'a> Context<'a> {
     /// Returns an observer for a memory, where operations are printed or logged.
     #[must_use]
     pub fn observer(&self) -> Option<Observer> {
-        let operations = Rc::clone(&self.operations);
+        let operations = Arc::clone(&self.operations);
         self.output
             .shows_operations()
-            .then(|| -> Observer { Rc::new(move |operation| operations.borrow_mut().push(operation.clone())) })
+            .then(|| -> Observer { Arc::new(move |operation| lock(&operations).push(operation.clone())) })
     }
 
     /// Prints and logs the warnings that a memory gave, and the operations that were observed, since the last call.
     pub fn report_operations(&mut self) {
-        let warnings = std::mem::take(&mut *self.warnings.lock().unwrap_or_else(PoisonError::into_inner));
+        let warnings = taken(&self.warnings);
         for warning in warnings {
             self.output.warn(&warning);
             self.output.log_warning(&warning);
         }
-        for operation in self.operations.take() {
+        for operation in taken(&self.operations) {
             let subject = operation.namespace.map(|namespace| namespace.to_string()).unwrap_or_default();
             let detail = operation.count.map_or_else(|| "failed".to_owned(), |count| amount(count, "document"));
             self.output.operation(&operation.name, &subject, &detail, operation.took);
@@ -264,9 +262,18 @@ pub struct Opening {
 /// The most warnings that wait: those of a long command are too many to be read.
 const MOST_WARNINGS: usize = 1_000;
 
+fn lock<T>(items: &Mutex<Vec<T>>) -> MutexGuard<'_, Vec<T>> {
+    items.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What there is, which is not there any more.
+fn taken<T>(items: &Mutex<Vec<T>>) -> Vec<T> {
+    std::mem::take(&mut *lock(items))
+}
+
 /// Keeps a warning until it is printed.
 fn push(warnings: &Mutex<Vec<String>>, warning: &str) {
-    let mut warnings = warnings.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut warnings = lock(warnings);
     match warnings.len() {
         MOST_WARNINGS.. => {}
         count if count + 1 == MOST_WARNINGS => warnings.push("further warnings are left out".to_owned()),

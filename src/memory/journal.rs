@@ -1,7 +1,6 @@
 //! Reports of operations, for `-v` and `--log`.
 
 use std::borrow::Cow;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -25,7 +24,7 @@ pub struct Operation {
 type Results<'a, T> = Box<dyn Iterator<Item = Result<T, StoreError>> + 'a>;
 
 /// Called with each operation when it is over.
-pub type Observer = Rc<dyn Fn(&Operation)>;
+pub type Observer = Arc<dyn Fn(&Operation) + Send + Sync>;
 
 /// The observer of a memory, if there is one, and the counter of documents.
 #[derive(Clone, Default)]
@@ -143,8 +142,8 @@ mod tests {
     #[test]
     fn documents_are_counted_whether_the_observer_comes_before_the_meter_or_after_it() {
         let meter = Arc::new(AtomicU64::new(0));
-        let observer: Observer = Rc::new(|_| {});
-        Journal::default().counting(Arc::clone(&meter)).observed_by(Rc::clone(&observer)).count(2);
+        let observer: Observer = Arc::new(|_| {});
+        Journal::default().counting(Arc::clone(&meter)).observed_by(Arc::clone(&observer)).count(2);
         Journal::default().observed_by(observer).counting(Arc::clone(&meter)).count(3);
         assert_eq!(meter.load(Ordering::Relaxed), 5);
     }

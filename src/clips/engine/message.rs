@@ -1,7 +1,7 @@
 //! What the thread of CLIPS sends to the thread that runs it.
 
 use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
 
 use super::native::Stream;
@@ -42,7 +42,7 @@ impl Sender {
     #[must_use]
     pub fn observer(&self) -> Observer {
         let sender = self.sender.clone();
-        Rc::new(move |operation: &Operation| drop(sender.send(Message::Operation(operation.clone()))))
+        Arc::new(move |operation: &Operation| drop(sender.send(Message::Operation(operation.clone()))))
     }
 
     pub(super) fn note(&self, text: String) {

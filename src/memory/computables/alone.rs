@@ -1,6 +1,6 @@
 //! A computation for one query alone, and where its documents are.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::oid::ObjectId;
 use bson::{Bson, RawDocumentBuf};
@@ -11,7 +11,7 @@ use crate::store::Namespace;
 /// A computation for one query alone.
 pub(super) struct Once {
     pub(super) token: ObjectId,
-    pub(super) computable: Rc<Computable>,
+    pub(super) computable: Arc<Computable>,
     pub(super) documents: Storage,
 }
 

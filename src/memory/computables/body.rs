@@ -69,7 +69,7 @@ pub(super) struct Asked<'a> {
 
 /// Computes documents. The query is answered over all documents afterwards, so a body may
 /// return documents that do not match it; they are not part of the answer.
-pub(super) trait Body {
+pub(super) trait Body: Send + Sync {
     /// The documents. One without an `_id` gets one.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Which computables a query would run, and why.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::{DateTime, Document};
 
@@ -12,7 +12,7 @@ use crate::store::{Namespace, StoreError};
 /// What a query means for one computable.
 pub struct Check {
     /// The computable.
-    pub computable: Rc<Computable>,
+    pub computable: Arc<Computable>,
     /// What would become of it.
     pub verdict: Verdict,
 }
@@ -42,7 +42,7 @@ impl Memory {
     ///
     /// # Errors
     /// Where the store fails, what it keeps is not a computable, or an expression in a spec fails on the query.
-    pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
+    pub fn needed(&self, ns: &Namespace, query: &Document) -> Result<Vec<Arc<Computable>>, StoreError> {
         self.registry(ns)?.matching(ns, query)
     }
 
@@ -52,7 +52,7 @@ impl Memory {
     /// Where the store fails, or an expression in a spec fails on the query.
     pub fn check_computables(&self, ns: &Namespace, query: &Document) -> Result<Vec<Check>, StoreError> {
         let check =
-            |computable: Rc<Computable>| Ok(Check { verdict: self.verdict(&computable, ns, query)?, computable });
+            |computable: Arc<Computable>| Ok(Check { verdict: self.verdict(&computable, ns, query)?, computable });
         self.computables()?.0.into_iter().map(check).collect()
     }
 

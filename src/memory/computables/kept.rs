@@ -5,8 +5,7 @@
 //!
 //! A file is asked at most once in each operation whether they have changed, a server at most once a second.
 
-use std::rc::Rc;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
@@ -32,10 +31,10 @@ fn place(database: &str) -> Namespace {
 
 impl Memory {
     /// The computables that queries on a collection may need, of the settings and of its database.
-    pub(in crate::memory) fn registry(&self, ns: &Namespace) -> Result<Rc<Registry>, StoreError> {
+    pub(in crate::memory) fn registry(&self, ns: &Namespace) -> Result<Arc<Registry>, StoreError> {
         let declared = &self.computables.declared;
         if ns.is_own() {
-            return Ok(Rc::clone(declared));
+            return Ok(Arc::clone(declared));
         }
         let operation = self.computables.operation();
         let state = self.routes.existing(ns)?.and_then(Store::state);
@@ -45,25 +44,25 @@ impl Memory {
                 || self.routes.is_on_server(ns) && kept.read.elapsed() < MOST_AGE
         };
         if let Some(kept) = self.computables.kept.borrow().get(&ns.database).filter(is_fresh) {
-            return Ok(Rc::clone(&kept.registry));
+            return Ok(Arc::clone(&kept.registry));
         }
         let records = self.records(&place(&ns.database))?;
         let mut all = self.computables.kept.borrow_mut();
         if let Some(kept) = all.get_mut(&ns.database).filter(|kept| kept.records == records) {
             (kept.read, kept.operation, kept.state) = (Instant::now(), operation, state);
-            return Ok(Rc::clone(&kept.registry));
+            return Ok(Arc::clone(&kept.registry));
         }
         let registry = match records.is_empty() {
-            true => Rc::clone(declared),
+            true => Arc::clone(declared),
             false => {
                 let place = place(&ns.database);
-                Rc::new(declared.with_kept(definitions(&records, &place)?, &place))
+                Arc::new(declared.with_kept(definitions(&records, &place)?, &place))
             }
         };
         registry.elsewhere(ns).for_each(|message| self.computables.warn(message));
         all.insert(
             ns.database.clone(),
-            Kept { records, registry: Rc::clone(&registry), read: Instant::now(), operation, state },
+            Kept { records, registry: Arc::clone(&registry), read: Instant::now(), operation, state },
         );
         Ok(registry)
     }
@@ -106,7 +105,7 @@ impl Memory {
     ///
     /// # Errors
     /// Where the store fails.
-    pub fn computables(&self) -> Result<(Vec<Rc<Computable>>, Vec<String>), StoreError> {
+    pub fn computables(&self) -> Result<(Vec<Arc<Computable>>, Vec<String>), StoreError> {
         let (computables, complaints, all) = self.reachable_computables()?;
         all.map(|()| (computables, complaints))
     }
@@ -118,13 +117,13 @@ impl Memory {
     #[expect(clippy::type_complexity, reason = "it is spelled out once")]
     pub fn reachable_computables(
         &self,
-    ) -> Result<(Vec<Rc<Computable>>, Vec<String>, Result<(), StoreError>), StoreError> {
-        let mut registry = Rc::clone(&self.computables.declared);
+    ) -> Result<(Vec<Arc<Computable>>, Vec<String>, Result<(), StoreError>), StoreError> {
+        let mut registry = Arc::clone(&self.computables.declared);
         let (places, all) = self.places();
         for place in places {
-            registry = Rc::new(registry.with_kept(definitions(&self.records(&place)?, &place)?, &place));
+            registry = Arc::new(registry.with_kept(definitions(&self.records(&place)?, &place)?, &place));
         }
-        Ok((registry.iter().map(Rc::clone).collect(), registry.complaints(), all))
+        Ok((registry.iter().map(Arc::clone).collect(), registry.complaints(), all))
     }
 
     /// Whether there are computables of a collection, which give documents where none is stored. Only its own store is asked.

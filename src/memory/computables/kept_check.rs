@@ -89,8 +89,7 @@ fn name(id: &Bson) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
-    use std::rc::Rc;
+    use std::sync::{Arc, Mutex};
 
     use bson::doc;
 
@@ -106,10 +105,10 @@ mod tests {
     fn what_got_in_otherwise_stops_the_queries_that_it_concerns_and_no_others() {
         let folder = tempfile::tempdir().unwrap();
         let uri = StoreUri::parse(&format!("file:{}", folder.path().join("robot.rmem").display())).unwrap();
-        let said: Rc<RefCell<Vec<String>>> = Rc::default();
-        let sink = Rc::clone(&said);
+        let said: Arc<Mutex<Vec<String>>> = Arc::default();
+        let sink = Arc::clone(&said);
         let memory = Memory::at(uri.clone(), uri, Vec::new())
-            .with_warnings(Rc::new(move |warning| sink.borrow_mut().push(warning.to_owned())));
+            .with_warnings(Arc::new(move |warning| sink.lock().unwrap().push(warning.to_owned())));
         let place = Namespace::parse("a.rmem.computables").unwrap();
         let wrong = doc! { "_id": "wrong", "collection": ["a.bad", "a.worse"], "spec": 7 };
         let error = memory.insert(&place, vec![good("early", "a.early"), wrong.clone()]).unwrap_err();
@@ -122,7 +121,7 @@ mod tests {
         let query = doc! { "a": 1 };
         let count = |collection: &str| memory.count(&Namespace::parse(collection).unwrap(), &query);
         assert_eq!((count("a.good").unwrap(), count("a.other").unwrap(), count("b.bad").unwrap()), (0, 0, 0));
-        assert_eq!(said.borrow().len(), 2, "each once: {said:?}");
+        assert_eq!(said.lock().unwrap().len(), 2, "each once: {said:?}");
         let error = count("a.worse").unwrap_err().to_string();
         assert!(error.contains("a document with _id \"wrong\" that is not a computable: `spec`"), "{error}");
         let (computables, wrong) = memory.computables().unwrap();

@@ -5,7 +5,7 @@
 //! first, and removed afterwards.
 
 use std::collections::HashSet;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bson::oid::ObjectId;
 use bson::{Bson, Document, RawDocumentBuf, doc};
@@ -47,7 +47,7 @@ impl Memory {
                 Storage::Store(ids)
             }
         };
-        let once = Once { token, computable: Rc::clone(&wanted.computable), documents: place };
+        let once = Once { token, computable: Arc::clone(&wanted.computable), documents: place };
         self.computables.once.borrow_mut().push(once);
         Ok(count)
     }

@@ -1,8 +1,7 @@
 //! The computables of a memory, and which of them a query needs.
 
-use std::cell::OnceCell;
 use std::collections::{BTreeMap, HashMap};
-use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
 
 use bson::{Bson, Document, doc};
 use sha2::Sha256;
@@ -24,7 +23,7 @@ pub struct Computable {
     pub(super) body: Box<dyn Body>,
     pub(super) spec: Spec,
     /// What its keys begin with, once one was asked for.
-    digest: OnceCell<Sha256>,
+    digest: OnceLock<Sha256>,
 }
 
 impl Computable {
@@ -43,7 +42,7 @@ impl Computable {
 /// All computables, in the order in which they run.
 #[derive(Default)]
 pub struct Registry {
-    computables: Vec<Rc<Computable>>,
+    computables: Vec<Arc<Computable>>,
     places: HashMap<Namespace, Places>,
     /// What is kept and cannot be used.
     wrong: Vec<Wrong>,
@@ -159,7 +158,7 @@ impl Registry {
         let spec = Spec::parse(&definition.spec)?;
         // Of equal priorities, the later registered runs first.
         let at = self.computables.partition_point(|other| other.definition.priority > definition.priority);
-        self.computables.insert(at, Rc::new(Computable { definition, body, spec, digest: OnceCell::new() }));
+        self.computables.insert(at, Arc::new(Computable { definition, body, spec, digest: OnceLock::new() }));
         Ok(())
     }
 
@@ -186,7 +185,7 @@ impl Registry {
     }
 
     /// All, in the order in which they run.
-    pub fn iter(&self) -> impl Iterator<Item = &Rc<Computable>> {
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<Computable>> {
         self.computables.iter()
     }
 
@@ -202,7 +201,7 @@ impl Registry {
     /// # Errors
     /// Where an expression in a spec fails on the query; what is kept for the collection is not a computable; one that the query
     /// needs has the name of another.
-    pub fn matching(&self, ns: &Namespace, query: &Document) -> Result<Vec<Rc<Computable>>, StoreError> {
+    pub fn matching(&self, ns: &Namespace, query: &Document) -> Result<Vec<Arc<Computable>>, StoreError> {
         if !self.wrong.is_empty() {
             let name = ns.to_string();
             if let Some(wrong) = self.wrong.iter().find(|wrong| wrong.collections.contains(&name)) {
@@ -218,7 +217,7 @@ impl Registry {
                 if let Some(message) = self.taken.get(&computable.definition.name) {
                     return Err(QueryError::bad_value(message.as_str()).into());
                 }
-                matching.push(Rc::clone(computable));
+                matching.push(Arc::clone(computable));
             }
         }
         Ok(matching)

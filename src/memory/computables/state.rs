@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bson::oid::ObjectId;
@@ -23,7 +23,7 @@ pub(super) const COMPUTE_TIMEOUT: Duration = Duration::from_secs(30);
 #[derive(Default)]
 pub(in crate::memory) struct Computables {
     /// Those of the settings.
-    pub(super) declared: Rc<Registry>,
+    pub(super) declared: Arc<Registry>,
     /// Those of each database that was asked, by its name.
     pub(super) kept: RefCell<HashMap<String, Kept>>,
     /// Those whose bodies are running, each for a query of the one before.
@@ -66,13 +66,13 @@ pub(super) struct Within {
 }
 
 /// Called with each warning, once.
-pub type Warnings = Rc<dyn Fn(&str)>;
+pub type Warnings = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// The computables of a database: those of the settings, and those that it keeps.
 pub(super) struct Kept {
     /// What is kept.
     pub(super) records: Vec<RawDocumentBuf>,
-    pub(super) registry: Rc<Registry>,
+    pub(super) registry: Arc<Registry>,
     /// When the records were read.
     pub(super) read: Instant,
     /// In which operation they were read, if in one.
@@ -83,13 +83,13 @@ pub(super) struct Kept {
 
 /// A computable that a query needs.
 pub(super) struct Wanted<'a> {
-    pub(super) computable: Rc<Computable>,
+    pub(super) computable: Arc<Computable>,
     pub(super) query: &'a Document,
     pub(super) key: String,
 }
 
 impl<'a> Wanted<'a> {
-    pub(super) fn new(computable: Rc<Computable>, query: &'a Document) -> Self {
+    pub(super) fn new(computable: Arc<Computable>, query: &'a Document) -> Self {
         let key = computable.key(query);
         Self { computable, query, key }
     }
@@ -126,7 +126,7 @@ pub(super) struct Running {
 
 impl Computables {
     pub(in crate::memory) fn new(declared: Registry) -> Self {
-        Self { declared: Rc::new(declared), ..Self::default() }
+        Self { declared: Arc::new(declared), ..Self::default() }
     }
 
     /// Says where warnings go.
