@@ -13,8 +13,10 @@ use super::busy_poll::Pace;
 use super::client::Client;
 use super::command;
 use super::failure::{Answer, Failure, codes};
-use super::host::{EXPIRY_INTERVAL, Host, Lazy};
+use super::host::{EXPIRY_INTERVAL, Host};
 use super::job::{Abandoned, Job};
+use super::lazy::Lazy;
+use super::mailbox::Inbox;
 use super::panic;
 use super::server::{Counters, Server};
 use super::session::Once;
@@ -24,22 +26,20 @@ use super::write::OPERATION_TIME;
 
 /// Serves a client until it disconnects or an error ends the connection.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
-    let memory = Lazy::of_connection(server);
-    let Ok(host) = Host::new(server, client.id, &memory, false) else { return server.leave(client.id) };
+    let Ok(inbox) = Inbox::new() else { return server.leave(client.id) };
     let reader = BufReader::with_capacity(64 << 10, stream);
-    let mut connection = Connection { reader, host, client, pace: Pace::default() };
-    // A connection that broke is over; no client reads the error.
-    let _ = connection.run();
-    let Connection { client, host, reader, .. } = connection;
-    drop(reader);
-    server.leave(client.id);
-    server.cursors.leave(client.id);
-    if !client.transactions.is_empty() {
-        let begun = client.transactions.into_iter().map(|(session, number)| Once { session, number });
-        let begun: Vec<Once> = begun.filter(|once| !server.readings.end(once)).collect();
-        let _ = server.writer.submit(Job::Abandon(Abandoned::Begun(begun)));
+    let mut connection = Connection { reader, client, pace: Pace::default() };
+    loop {
+        let memory = Lazy::lent(server);
+        let mut host = Host::new(server, connection.client.id, &memory, &inbox, false);
+        // A connection that broke is over; no client reads the error.
+        if !connection.run(&mut host).unwrap_or(false) {
+            connection.end(server);
+            return linger(host);
+        }
+        drop(host);
+        memory.give_back();
     }
-    linger(host);
 }
 
 /// Other connections of the client may still read the cursors of this one.
@@ -53,9 +53,8 @@ fn linger(mut host: Host<'_>) {
     }
 }
 
-struct Connection<'m> {
+struct Connection {
     reader: BufReader<Stream>,
-    host: Host<'m>,
     client: Client,
     pace: Pace,
 }
@@ -63,65 +62,82 @@ struct Connection<'m> {
 /// Whether there is more to come.
 type GoesOn = bool;
 
-impl Connection<'_> {
-    fn run(&mut self) -> Result<(), WireError> {
-        while self.wait()? {
+impl Connection {
+    /// Answers messages with a host until it has no cursors, and another one will do.
+    fn run(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
+        while self.wait(host)? {
             self.client.is_busy.store(true, Ordering::SeqCst);
             let (message, length) = wire::receive(&mut self.reader)?;
-            Counters::add(&self.host.server.counters.received, length);
-            let goes_on = self.reply(message)?;
+            Counters::add(&host.server.counters.received, length);
+            let goes_on = self.reply(host, message)?;
             self.client.is_busy.store(false, Ordering::SeqCst);
-            if !goes_on || self.host.server.is_stopping() {
+            if !goes_on || host.server.is_stopping() {
                 break;
             }
+            if !host.has_cursors() {
+                return Ok(true);
+            }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Answers a message.
-    fn reply(&mut self, message: Message) -> Result<GoesOn, WireError> {
+    fn reply(&mut self, host: &mut Host<'_>, message: Message) -> Result<GoesOn, WireError> {
         let (reply, wants_reply, form) = (Reply::to(&message), message.wants_reply, message.form);
-        let server = Arc::clone(&self.host.server);
+        let server = Arc::clone(&host.server);
         server.turns.begin();
-        let (answer, goes_on) = self.answer(message, form);
-        let sent = if wants_reply { self.send(&reply.bytes(&answer)) } else { Ok(()) };
+        let (answer, goes_on) = self.answer(host, message, form);
+        let sent = if wants_reply { self.send(&server, &reply.bytes(&answer)) } else { Ok(()) };
         server.turns.end();
         sent.map(|()| goes_on)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> Result<(), WireError> {
-        Counters::add(&self.host.server.counters.sent, bytes.len());
+    fn send(&mut self, server: &Server, bytes: &[u8]) -> Result<(), WireError> {
+        Counters::add(&server.counters.sent, bytes.len());
         self.reader.get_mut().write_all(bytes)?;
         Ok(self.reader.get_mut().flush()?)
     }
 
+    /// Ends it: what it began is given up, but for the cursors, which others may read.
+    fn end(self, server: &Server) {
+        let Self { client, reader, .. } = self;
+        drop(reader);
+        server.leave(client.id);
+        server.cursors.leave(client.id);
+        if !client.transactions.is_empty() {
+            let begun = client.transactions.into_iter().map(|(session, number)| Once { session, number });
+            let begun: Vec<Once> = begun.filter(|once| !server.readings.end(once)).collect();
+            let _ = server.writer.submit(Job::Abandon(Abandoned::Begun(begun)));
+        }
+    }
+
     /// Waits for a message of the client; for those of other threads, too, where there are cursors that they may read.
-    fn wait(&mut self) -> Result<GoesOn, WireError> {
+    fn wait(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
         if !self.reader.buffer().is_empty() || self.reader.get_mut().has_received() {
             return Ok(true);
         }
         let since = Instant::now();
-        let server = &self.host.server;
+        let server = &host.server;
         let polled = server.busy_poll.poll(&self.pace, self.reader.get_ref().descriptor(), &server.turns);
-        let goes_on = self.sleep();
+        let goes_on = self.sleep(host);
         self.pace.note(since.elapsed(), polled);
         goes_on
     }
 
     /// Sleeps until there is a message.
-    fn sleep(&mut self) -> Result<GoesOn, WireError> {
+    fn sleep(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
         loop {
-            if self.host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
-                self.listen()?;
+            if host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
+                self.listen(host)?;
             }
             match self.reader.fill_buf() {
                 Ok(bytes) => return Ok(!bytes.is_empty()),
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    if self.host.server.is_stopping() {
+                    if host.server.is_stopping() {
                         return Ok(false);
                     }
-                    self.host.expire();
-                    self.host.free_caches();
+                    host.expire();
+                    host.free_caches();
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.into()),
@@ -130,16 +146,16 @@ impl Connection<'_> {
     }
 
     /// Answers messages of other threads until the client sends something.
-    fn listen(&mut self) -> Result<(), WireError> {
+    fn listen(&mut self, host: &mut Host<'_>) -> Result<(), WireError> {
         let limit = Timespec::try_from(EXPIRY_INTERVAL).ok();
         loop {
             let (mut received, mut woken) = (false, false);
             {
                 let stream = PollFd::from_borrowed_fd(self.reader.get_ref().descriptor(), PollFlags::IN);
-                let wakeup = PollFd::new(self.host.inbox.wakeup(), PollFlags::IN);
+                let wakeup = PollFd::new(host.inbox.wakeup(), PollFlags::IN);
                 let mut both = [stream, wakeup];
                 match poll(&mut both, limit.as_ref()) {
-                    Ok(0) => self.host.free_caches(),
+                    Ok(0) => host.free_caches(),
                     Ok(_) => {
                         let mut has_come = both.iter().map(|one| !one.revents().is_empty());
                         received = has_come.next().unwrap_or(true);
@@ -150,30 +166,30 @@ impl Connection<'_> {
                 }
             }
             if woken {
-                self.host.handle_messages();
+                host.handle_messages();
             }
-            self.host.expire();
-            if received || !self.host.has_cursors() {
+            host.expire();
+            if received || !host.has_cursors() {
                 return Ok(());
             }
         }
     }
 
     /// Runs a command; returns the answer.
-    fn answer(&mut self, message: Message, form: Form) -> (RawDocumentBuf, GoesOn) {
-        Counters::add(&self.host.server.counters.commands, 1);
+    fn answer(&mut self, host: &mut Host<'_>, message: Message, form: Form) -> (RawDocumentBuf, GoesOn) {
+        Counters::add(&host.server.counters.commands, 1);
         if let Some(name) = self.reader.get_ref().name()
             && let Some((_, port)) = self.client.host.rsplit_once(':')
         {
             self.client.host = format!("{name}:{port}");
         }
-        let (host, client) = (&mut self.host, &mut self.client);
+        let client = &mut self.client;
         let answer = panic::caught(|| {
             let body = message.command.map_err(Failure::from)?;
             command::run(host, client, body, form)
         });
         let goes_on = !matches!(&answer, Err(failure) if failure.code == codes::INTERNAL);
-        (finished(&self.host.server, answer, form), goes_on)
+        (finished(&host.server, answer, form), goes_on)
     }
 }
 

@@ -1,8 +1,6 @@
 //! A thread with a memory and the cursors it reads: where commands are run.
 
-use std::cell::OnceCell;
 use std::collections::{HashMap, HashSet};
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,6 +10,7 @@ use super::clock;
 use super::cursor::{self, Open, Owner, Results, SETTLE_TIMEOUT};
 use super::failure::{Answer, Failure, codes};
 use super::job::{Claim, Job, Work};
+use super::lazy::Lazy;
 use super::mailbox::{Inbox, More, Question, Reply, ThreadMessage};
 use super::origin::Origin;
 use super::request::interrupted;
@@ -28,49 +27,6 @@ pub(super) const EXPIRY_INTERVAL: Duration = Duration::from_secs(10);
 /// How often a thread that waits for another looks whether its operation is to end.
 const STOP_INTERVAL: Duration = Duration::from_millis(200);
 
-/// How many bytes a connection keeps of what it has read, at most and at least; the system keeps the rest for all.
-const CACHE: RangeInclusive<usize> = 128 << 10..=2 << 20;
-/// How many bytes many connections keep together, about.
-const CACHES: usize = 128 << 20;
-
-/// A memory that is opened by its first use.
-pub(super) struct Lazy {
-    server: Arc<Server>,
-    memory: OnceCell<Memory>,
-    /// Whether it is one of many, and keeps little of what was read.
-    is_one_of_many: bool,
-}
-
-impl Lazy {
-    /// The memory of the writing thread.
-    pub(super) fn new(server: &Arc<Server>) -> Self {
-        Self { server: Arc::clone(server), memory: OnceCell::new(), is_one_of_many: false }
-    }
-
-    /// The memory of one connection of many.
-    pub(super) fn of_connection(server: &Arc<Server>) -> Self {
-        Self { is_one_of_many: true, ..Self::new(server) }
-    }
-
-    /// The memory, where it was used.
-    pub(super) fn opened(&self) -> Option<&Memory> {
-        self.memory.get()
-    }
-
-    pub(super) fn get(&self) -> Result<&Memory, Failure> {
-        if self.memory.get().is_none() {
-            let memory = self.server.open()?;
-            if self.is_one_of_many {
-                let share = CACHES / self.server.connected().max(1);
-                memory.limit_caches(share.clamp(*CACHE.start(), *CACHE.end()))?;
-            }
-            // The cell is empty: nothing else of this thread can have filled it meanwhile.
-            let _ = self.memory.set(memory);
-        }
-        self.memory.get().ok_or_else(|| Failure::new(codes::INTERNAL, "the memory is not open"))
-    }
-}
-
 /// A thread with its memory and cursors.
 pub(super) struct Host<'m> {
     pub(super) server: Arc<Server>,
@@ -78,20 +34,14 @@ pub(super) struct Host<'m> {
     pub(super) id: i64,
     memory: &'m Lazy,
     cursors: HashMap<i64, Results<'m>>,
-    pub(super) inbox: Inbox,
+    pub(super) inbox: &'m Inbox,
     /// Whether what it writes is written at once: within a transaction, by the writer itself.
     writes_itself: bool,
 }
 
 impl<'m> Host<'m> {
-    pub(super) fn new(server: &Arc<Server>, id: i64, memory: &'m Lazy, writes_itself: bool) -> Result<Self, Failure> {
-        let inbox = Inbox::new().map_err(|error| {
-            let message =
-                format!("the system has no more sockets to give ({error}); raise the limit on open files (ulimit -n)");
-            Failure::new(codes::FAILED, message)
-        })?;
-        let server = Arc::clone(server);
-        Ok(Self { server, id, memory, cursors: HashMap::new(), inbox, writes_itself })
+    pub(super) fn new(server: &Arc<Server>, id: i64, memory: &'m Lazy, inbox: &'m Inbox, writes_itself: bool) -> Self {
+        Self { server: Arc::clone(server), id, memory, cursors: HashMap::new(), inbox, writes_itself }
     }
 
     pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
@@ -162,7 +112,7 @@ impl<'m> Host<'m> {
         // It has its turn behind what waits already, and behind a transaction that is open.
         self.write(ns.clone(), None, limits, Box::new(|_| empty()))?;
         // A snapshot that a cursor reads cannot be written to.
-        let other = Lazy::of_connection(&self.server);
+        let other = Lazy::aside(&self.server);
         let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
         let before = memory.bare(ns)?.committed_changes()?;
         let answer = work(memory);

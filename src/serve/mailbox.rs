@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use super::failure::{Answer, Failure};
+use super::failure::{Answer, Failure, codes};
 use super::panic;
 use crate::deadline::Limits;
 
@@ -107,11 +107,13 @@ impl Inbox {
     ///
     /// # Errors
     /// Where the system has no more sockets to give.
-    pub(super) fn new() -> std::io::Result<Self> {
+    pub(super) fn new() -> Result<Self, Failure> {
         let (sender, messages) = channel();
-        let (wakeup, writer) = UnixStream::pair()?;
-        wakeup.set_nonblocking(true)?;
-        writer.set_nonblocking(true)?;
+        let (wakeup, writer) = pair().map_err(|error| {
+            let message =
+                format!("the system has no more sockets to give ({error}); raise the limit on open files (ulimit -n)");
+            Failure::new(codes::FAILED, message)
+        })?;
         let mailbox = Mailbox { messages: sender, wakeup: Arc::new(writer) };
         Ok(Self { messages, wakeup, mailbox, asked: Cell::new(0) })
     }
@@ -150,9 +152,16 @@ impl Inbox {
     }
 }
 
+/// Two ends of a pipe, neither of which is waited for.
+fn pair() -> std::io::Result<(UnixStream, UnixStream)> {
+    let (wakeup, writer) = UnixStream::pair()?;
+    wakeup.set_nonblocking(true)?;
+    writer.set_nonblocking(true)?;
+    Ok((wakeup, writer))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::failure::codes;
     use super::*;
 
     fn answer(inbox: &Inbox, question: Question) -> Option<i32> {

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use super::call::Call;
 use super::failure::{Answer, Failure, codes};
-use super::host::{self, Host, Lazy};
+use super::host::{self, Host};
+use super::lazy::Lazy;
+use super::mailbox::Inbox;
 use super::panic;
 use super::server::{Server, thread};
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
@@ -112,9 +114,9 @@ fn read(
     (ns, command): (&Namespace, Command),
     asked: &Receiver<Ask>,
 ) -> Result<(), Failure> {
-    let memory = Lazy::of_connection(server);
+    let (memory, inbox) = (Lazy::aside(server), Inbox::new()?);
     let until = Instant::now() + TRANSACTION_LIMIT;
-    let mut host = Host::new(server, server.next_id(), &memory, true)?;
+    let mut host = Host::new(server, server.next_id(), &memory, &inbox, true);
     let mut check = None;
     let is_current = host.memory()?.at_one_moment(ns, &mut || {
         check = answer_all(&mut host, (once, command), asked, until);

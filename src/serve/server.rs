@@ -20,6 +20,7 @@ use super::failure::{Failure, codes};
 use super::files::{Files, Moved};
 use super::hub::Hub;
 use super::job::{Job, JobQueue};
+use super::pool::Pool;
 use super::request::Request;
 use super::session::Sessions;
 use super::snapshot::Readings;
@@ -63,6 +64,7 @@ pub struct Server {
     pub(super) options: Options,
     pub(super) cursors: Cursors,
     pub(super) writer: JobQueue,
+    pub(super) pool: Pool,
     pub(super) hub: Hub,
     pub(super) scopes: Scopes,
     pub(super) sessions: Sessions,
@@ -109,6 +111,7 @@ impl Server {
             options,
             cursors: Cursors::default(),
             writer,
+            pool: Pool::default(),
             hub: Hub::default(),
             scopes: Scopes::default(),
             sessions: Sessions::default(),
@@ -134,6 +137,19 @@ impl Server {
         let memory = (self.open)()?;
         // Another file may have taken the name since.
         self.check_files()?;
+        Ok(memory)
+    }
+
+    /// Lends a memory: one that was lent before, or another one.
+    pub(super) fn lend(&self) -> Result<Memory, Failure> {
+        self.pool.take().map_or_else(|| self.open_one_more(), Ok)
+    }
+
+    /// Opens one of many memories, which keeps only a share of what it reads.
+    pub(super) fn open_one_more(&self) -> Result<Memory, Failure> {
+        let memory = self.open()?;
+        let share = self.pool.opened();
+        memory.limit_caches(share).inspect_err(|_| self.pool.lost())?;
         Ok(memory)
     }
 

@@ -17,7 +17,7 @@ use super::command;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
 use super::job::{Action, Committer, Job, Step};
-use super::mailbox::Reply;
+use super::mailbox::{Inbox, Reply};
 use super::panic;
 use super::retry;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
@@ -170,13 +170,14 @@ impl Open {
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let mut host = match Host::new(context.server, context.server.next_id(), context.memory, true) {
-            Ok(host) => host,
+        let inbox = match Inbox::new() {
+            Ok(inbox) => inbox,
             Err(failure) => {
                 reply.answer(Err(failure));
                 return End::Abort(None);
             }
         };
+        let mut host = Host::new(context.server, context.server.next_id(), context.memory, &inbox, true);
         let mut failed = perform(&mut host, memory, ns, ns, &call, reply);
         let end = loop {
             if failed {

@@ -11,8 +11,8 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::failure::{Answer, Failure, codes};
-use super::host::Lazy;
 use super::job::{Job, Work};
+use super::lazy::Lazy;
 use super::mailbox::Reply;
 use super::panic;
 use super::retry;
@@ -38,7 +38,7 @@ pub(super) fn run(server: &Arc<Server>, jobs: &Receiver<Job>) {
     let mut waiting = VecDeque::new();
     loop {
         // After a mistake of rmem's own it is another one: the transaction of that may be open still.
-        let memory = Lazy::new(server);
+        let memory = Lazy::of_writer(server);
         let mut context = WriterContext { server, jobs, waiting: &mut waiting, memory: &memory };
         if panic::passed(|| context.work()) {
             return;
@@ -133,6 +133,7 @@ impl WriterContext<'_> {
 
     /// Lets go of what is too old.
     fn look_after(&mut self) {
+        self.server.pool.tidy(Instant::now());
         self.server.sessions.forget(SESSION_TIMEOUT);
         self.server.behind.forget(SESSION_TIMEOUT);
         if self.server.check_files().is_err() {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use super::host::Lazy;
 use super::job::Job;
+use super::lazy::Lazy;
 use super::server::Server;
 
 /// What the writer works with.

@@ -22,6 +22,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_server_whose_file_is_removed_ends_and_makes_no_other", removed),
     ("a_memory_that_is_gone_at_exit_is_served_to_all", in_memory),
     ("a_robot_that_does_not_reach_its_team_is_served", alone),
+    ("a_file_is_open_as_often_as_commands_are_worked_at", open_files),
     ("a_service_manager_opens_the_socket_and_is_told", systemd),
 ];
 
@@ -47,6 +48,24 @@ fn ends() -> Result<(), Failed> {
     assert_eq!(rmem(folder.path(), &["count", "a.c"])?, (Some(0), "20000\n".to_owned()));
     // Nothing is left beside the file.
     assert_eq!(std::fs::read_dir(folder.path())?.count(), 1);
+    Ok(())
+}
+
+fn open_files() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut clients = (0..20).map(|_| Wire::connect(served.address())).collect::<Result<Vec<_>, _>>()?;
+    for (n, client) in (0..).zip(&mut clients) {
+        client.run(&doc! { "insert": "c", "documents": [{ "_id": n }], "$db": "a" })?;
+        assert_eq!(client.run(&doc! { "count": "c", "$db": "a" })?.get_i32("n")?, n + 1);
+    }
+    let path = std::fs::canonicalize(folder.path())?.join("robot.rmem");
+    let mut open = 0;
+    for file in std::fs::read_dir(format!("/proc/{}/fd", served.child.id()))? {
+        open += usize::from(std::fs::read_link(file?.path()).is_ok_and(|target| target == path));
+    }
+    // By the connections, which took turns, by the writer, and by the lock.
+    assert!((1..=5).contains(&open), "{open}");
     Ok(())
 }
 
