@@ -87,7 +87,9 @@ impl Connection {
         let server = Arc::clone(&host.server);
         server.turns.begin();
         let (answer, goes_on) = self.answer(host, message, form);
-        let sent = if wants_reply { self.send(&server, &reply.bytes(&answer)) } else { Ok(()) };
+        let bytes = wants_reply.then(|| reply.bytes(&answer));
+        server.turns.give_way();
+        let sent = bytes.map_or(Ok(()), |bytes| self.send(&server, &bytes));
         server.turns.end();
         sent.map(|()| goes_on)
     }

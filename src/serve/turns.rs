@@ -3,8 +3,12 @@
 //! SQLite has one mutex for the locks that a process has on a file, and holds it while it asks the system for them. Where
 //! the system suspends a thread that holds it, all others wait, though a processor is free, and wait for each other
 //! afterwards: of 64 connections on two processors the slowest hundredth of all finds took thirty times the median.
-//! A thread that yields when it has answered has a new slice of time for its next command, and is
+//! A thread that yields when it has an answer has a new slice of time for its next command, and is
 //! hardly ever suspended within one.
+//!
+//! It yields before it sends the answer. So others have theirs too when it is sent, and their clients are woken together:
+//! where clients and server share the processors, each runs for longer before the other one has replaced what its caches
+//! hold. Finds of 64 clients on the same two processors grew by a fifth.
 
 use std::sync::atomic::{AtomicIsize, Ordering};
 
@@ -23,11 +27,16 @@ impl Turns {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// A connection has answered. Where others work, they have their turn before its next command.
-    pub(super) fn end(&self) {
-        if self.0.fetch_sub(1, Ordering::Relaxed) > 1 {
+    /// A connection has an answer. Where others work, they have their turn before it is sent.
+    pub(super) fn give_way(&self) {
+        if self.working() > 1 {
             std::thread::yield_now();
         }
+    }
+
+    /// A connection has answered.
+    pub(super) fn end(&self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
     }
 
     /// Does something that waits, and does not count as work meanwhile.
@@ -52,6 +61,7 @@ mod tests {
         assert_eq!((turns.paused(working), working()), (1, 2));
         turns.end();
         turns.end();
+        turns.give_way();
         assert_eq!(working(), 0);
     }
 }
