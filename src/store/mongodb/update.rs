@@ -212,7 +212,7 @@ impl MongoDb {
         let changed = match &done {
             Ok(done) if done.modified == 0 => return Ok(done.clone()),
             Ok(done) if done.modified == ids.len() as u64 => ids,
-            _ => self.different(ns, doc! { "_id": { "$in": ids } }, before)?,
+            _ => self.different(ns, named::among(&ids, None), before)?,
         };
         let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
         let filter = doc! { "_id": { "$in": changed } };

@@ -11,7 +11,7 @@ use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
 use super::update::is_replacement;
 use super::visible::{behind_expression, for_server, in_stages};
-use super::{MongoDb, failure, validation};
+use super::{MongoDb, failure, named, validation};
 use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
@@ -452,7 +452,7 @@ impl MongoDb {
     fn put_over(&self, ns: &Namespace, document: Document, timestamp: Option<DateTime>) -> Result<u64, StoreError> {
         let id = document.get("_id").cloned().unwrap_or(Bson::Null);
         let request = UpdateRequest {
-            filter: doc! { "_id": { "$eq": &id } },
+            filter: named::same(&id),
             update: UpdateSpec::Document(with_id_first(document, &id)),
             upsert: true,
             ..UpdateRequest::default()
