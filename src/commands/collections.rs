@@ -33,12 +33,10 @@ pub(super) fn run(args: &CollectionsArgs, context: &mut Context<'_>) -> Result<E
     let mut described = Vec::with_capacity(names.len());
     for name in names {
         let options = match memory.collection_or_view(&name)? {
-            // A time series has no index on `_id`.
-            Listed::Collection(indexes) if indexes.is_empty() => memory.bare(&name)?.view(&name)?.unwrap_or_default(),
             Listed::Collection(indexes) => {
                 collection_options(memory.validation(&name)?.as_ref(), index::collation(&indexes).as_ref())
             }
-            Listed::View(definition) => definition,
+            Listed::View(definition) | Listed::TimeSeries(definition) => definition,
         };
         let line = format!("{name} {}", shell::relaxed(&options));
         described.push((line, doc! { "ns": name.to_string(), "options": options }.into()));

@@ -60,6 +60,10 @@ fn stored(memory: &Memory, context: &mut Context<'_>) -> Result<Vec<Namespace>> 
         match memory.collection_or_view(&ns)? {
             Listed::Collection(_) => stored.push(ns),
             Listed::View(_) => context.output.warn(&format!("{ns} is a view, and was left out")),
+            Listed::TimeSeries(_) => {
+                context.output.warn(&format!("{ns} is a time series; from the dump, it will be a plain collection"));
+                stored.push(ns);
+            }
         }
     }
     Ok(stored)

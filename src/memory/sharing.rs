@@ -19,6 +19,8 @@ pub enum Listed {
     Collection(Vec<Index>),
     /// A view of a MongoDB server, and how it is defined.
     View(Document),
+    /// A time series of a MongoDB server, and how it is defined.
+    TimeSeries(Document),
 }
 
 impl Memory {
@@ -67,7 +69,7 @@ impl Memory {
         self.routes.free_caches();
     }
 
-    /// The indexes of a collection; of a view, how it is defined.
+    /// The indexes of a collection; of a view or a time series, how it is defined.
     ///
     /// # Errors
     /// Where the store fails.
@@ -77,7 +79,11 @@ impl Memory {
             Err(StoreError::Query(error)) if error.code == NOT_ON_VIEW => {
                 Ok(store.view(ns)?.map_or(Listed::Collection(Vec::new()), Listed::View))
             }
-            indexes => indexes.map(Listed::Collection),
+            indexes => Ok(match indexes? {
+                // A time series has no index on `_id`.
+                none if none.is_empty() => store.view(ns)?.map_or(Listed::Collection(none), Listed::TimeSeries),
+                indexes => Listed::Collection(indexes),
+            }),
         }
     }
 

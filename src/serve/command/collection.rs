@@ -244,6 +244,9 @@ fn list(host: &mut Host<'_>, call: &Call) -> Answer {
             Listed::View(options) => {
                 doc! { "name": &ns.collection, "type": "view", "options": options, "info": { "readOnly": true } }
             }
+            Listed::TimeSeries(options) => {
+                doc! { "name": &ns.collection, "type": "timeseries", "options": options, "info": { "readOnly": false } }
+            }
         };
         if filter.matches(&RawDocumentBuf::try_from(&listed)?)? {
             let short = || listed.iter().take(2).map(|(name, value)| (name.clone(), value.clone())).collect();

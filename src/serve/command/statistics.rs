@@ -38,7 +38,7 @@ fn size(memory: &Memory, ns: &Namespace) -> Result<Size, Failure> {
 /// The bytes of the documents of some collections; views have none of their own.
 pub(super) fn bytes(memory: &Memory, collections: &[Namespace]) -> Result<i64, Failure> {
     collections.iter().try_fold(0, |sum, ns| match memory.collection_or_view(ns)? {
-        Listed::Collection(_) => Ok(sum + size(memory, ns)?.bytes),
+        Listed::Collection(_) | Listed::TimeSeries(_) => Ok(sum + size(memory, ns)?.bytes),
         Listed::View(_) => Ok(sum),
     })
 }
@@ -97,6 +97,7 @@ fn database(host: &mut Host<'_>, call: &Call) -> Answer {
     for ns in &all {
         match memory.collection_or_view(ns)? {
             Listed::Collection(own) => indexes += own.len(),
+            Listed::TimeSeries(_) => {}
             Listed::View(_) => {
                 views += 1;
                 continue;

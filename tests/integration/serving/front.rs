@@ -111,6 +111,25 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     assert_eq!(views, ["in_front.seen {\"viewOn\":\"things\",\"pipeline\":[]}"], "{text}");
     let stats = database.run_command(doc! { "dbStats": 1 }).run()?;
     assert_eq!((stats.get_i32("views")?, stats.get_i32("objects")?), (1, 501));
+    // So is a time series; a dump says what becomes of either.
+    behind.run_command(doc! { "create": "measured", "timeseries": { "timeField": "at" } }).run()?;
+    behind.collection("measured").insert_one(doc! { "at": bson::DateTime::now(), "n": 1 }).run()?;
+    let listed = database.list_collections().filter(doc! { "name": "measured" }).run()?.next().ok_or("no series")??;
+    assert_eq!(listed.collection_type, CollectionType::Timeseries);
+    let folder = tempfile::tempdir()?;
+    let dump = Command::new(env!("CARGO_BIN_EXE_rmem"))
+        .args(["dump", "--all", "--memory", mongod, "-o", "dump"])
+        .current_dir(folder.path())
+        .output()?;
+    let said = String::from_utf8(dump.stderr)?;
+    let is_said = |line: &str| said.lines().any(|said| said == line);
+    assert!(is_said("warning: in_front.seen is a view, and was left out"), "{said}");
+    assert!(
+        is_said("warning: in_front.measured is a time series; from the dump, it will be a plain collection"),
+        "{said}"
+    );
+    let written = std::fs::read(folder.path().join("dump/in_front/measured.bson"))?;
+    assert_eq!(bson::RawDocumentBuf::from_reader(&*written)?.get_i32("n")?, 1);
     assert!(client.list_databases().run()?.iter().any(|found| found.name == "in_front"));
     // What only the server itself can do is refused, with the reason.
     let refusal = things.watch().run().err().ok_or("a change stream was opened")?.to_string();
