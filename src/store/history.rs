@@ -1,6 +1,7 @@
 //! What a store keeps of changes: the history of a collection, and the collection as it was.
 
 use std::collections::HashSet;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use bson::DateTime;
@@ -96,9 +97,32 @@ pub fn too_old(ns: &Namespace, at: DateTime, since: DateTime) -> StoreError {
     StoreError::Unfit { address: ns.to_string(), reason }
 }
 
+/// A number for changes that are taken back together, larger than all before it. The time and the process make it another one
+/// than that of any other process, and the last number another one than that of any other thread.
+pub(super) fn next_run() -> i64 {
+    static LAST: AtomicI64 = AtomicI64::new(0);
+    let now = DateTime::now().timestamp_millis().saturating_sub(1_700_000_000_000);
+    let own = now.saturating_mul(1 << 20).saturating_add(i64::from(std::process::id()) & 0xF_FFFF);
+    let next = |last: i64| own.max(last.saturating_add(1 << 20));
+    let last = LAST.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
+    next(last.unwrap_or_else(|last| last))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_two_threads_have_the_same_run() {
+        let runs = || (0..1000).map(|_| next_run()).collect::<Vec<_>>();
+        let mut all: Vec<i64> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..4).map(|_| scope.spawn(runs)).collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+        });
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 4000);
+    }
 
     #[test]
     fn the_rule_of_the_smallest_scope_counts() {

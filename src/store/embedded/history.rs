@@ -19,6 +19,7 @@ use rusqlite::{Connection, OptionalExtension as _, params};
 use super::change_log;
 use super::watcher::{HISTORY as PREFIX, covers};
 use crate::saturate::to_i64;
+use crate::store::history::next_run;
 use crate::store::{HistoryRule, Namespace, Scope};
 
 /// How long, in milliseconds, a scope is kept at least after the last process named it.
@@ -94,10 +95,7 @@ impl Keeping {
         if *self.author.borrow() != author {
             author.clone_into(&mut self.author.borrow_mut());
         }
-        // Time and process make it unique among processes, the maximum within this one.
-        let now = DateTime::now().timestamp_millis().saturating_sub(1_700_000_000_000);
-        let own = now.saturating_mul(1 << 20).saturating_add(i64::from(std::process::id()) & 0xF_FFFF);
-        self.run.set(own.max(self.run.get().saturating_add(1 << 20)));
+        self.run.set(next_run());
     }
 
     /// Whether the scopes are to be named again.

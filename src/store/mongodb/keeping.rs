@@ -2,8 +2,7 @@
 
 use std::collections::HashSet;
 
-use bson::DateTime;
-
+use crate::store::history::next_run;
 use crate::store::{HistoryRule, Namespace};
 
 /// The histories that this process keeps, and how it signs.
@@ -21,6 +20,6 @@ pub(super) struct Keeping {
 impl Keeping {
     pub(super) fn sign(&mut self, author: &str) {
         author.clone_into(&mut self.author);
-        self.run = DateTime::now().timestamp_millis().max(self.run + 1);
+        self.run = next_run();
     }
 }
