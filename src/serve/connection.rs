@@ -62,23 +62,37 @@ struct Connection {
 /// Whether there is more to come.
 type GoesOn = bool;
 
+/// What a connection waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Waited {
+    Message,
+    /// Nobody reads a cursor of it any more.
+    NoCursors,
+    /// The client has gone, or the server ends.
+    End,
+}
+
 impl Connection {
     /// Answers messages with a host until it has no cursors, and another one will do.
     fn run(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
-        while self.wait(host)? {
+        loop {
+            match self.wait(host)? {
+                Waited::Message => {}
+                Waited::NoCursors => return Ok(true),
+                Waited::End => return Ok(false),
+            }
             self.client.is_busy.store(true, Ordering::SeqCst);
             let (message, length) = wire::receive(&mut self.reader)?;
             Counters::add(&host.server.counters.received, length);
             let goes_on = self.reply(host, message)?;
             self.client.is_busy.store(false, Ordering::SeqCst);
             if !goes_on || host.server.is_stopping() {
-                break;
+                return Ok(false);
             }
             if !host.has_cursors() {
                 return Ok(true);
             }
         }
-        Ok(false)
     }
 
     /// Answers a message.
@@ -114,29 +128,33 @@ impl Connection {
     }
 
     /// Waits for a message of the client; for those of other threads, too, where there are cursors that they may read.
-    fn wait(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
+    fn wait(&mut self, host: &mut Host<'_>) -> Result<Waited, WireError> {
         if !self.reader.buffer().is_empty() || self.reader.get_mut().has_received() {
-            return Ok(true);
+            return Ok(Waited::Message);
         }
         let since = Instant::now();
         let server = &host.server;
         let polled = server.busy_poll.poll(&self.pace, self.reader.get_ref().descriptor(), &server.turns);
-        let goes_on = self.sleep(host);
+        let waited = self.sleep(host);
         self.pace.note(since.elapsed(), polled);
-        goes_on
+        waited
     }
 
     /// Sleeps until there is a message.
-    fn sleep(&mut self, host: &mut Host<'_>) -> Result<GoesOn, WireError> {
+    fn sleep(&mut self, host: &mut Host<'_>) -> Result<Waited, WireError> {
         loop {
             if host.has_cursors() && self.reader.buffer().is_empty() && !self.reader.get_mut().has_received() {
                 self.listen(host)?;
+                if !host.has_cursors() {
+                    return Ok(Waited::NoCursors);
+                }
             }
             match self.reader.fill_buf() {
-                Ok(bytes) => return Ok(!bytes.is_empty()),
+                Ok([]) => return Ok(Waited::End),
+                Ok(_) => return Ok(Waited::Message),
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                     if host.server.is_stopping() {
-                        return Ok(false);
+                        return Ok(Waited::End);
                     }
                     host.expire();
                     host.free_caches();

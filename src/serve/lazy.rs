@@ -4,13 +4,14 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 use super::failure::{Failure, codes};
+use super::pool::Pooled;
 use super::server::Server;
 use crate::memory::Memory;
 
 /// A memory that is opened, or lent, by its first use.
 pub(super) struct Lazy {
     server: Arc<Server>,
-    memory: OnceCell<Memory>,
+    memory: OnceCell<Pooled>,
     source: Source,
 }
 
@@ -46,20 +47,20 @@ impl Lazy {
 
     /// The memory, where it was used.
     pub(super) fn opened(&self) -> Option<&Memory> {
-        self.memory.get()
+        self.memory.get().map(|one| &one.memory)
     }
 
     pub(super) fn get(&self) -> Result<&Memory, Failure> {
         if self.memory.get().is_none() {
             let memory = match self.source {
-                Source::Writer => self.server.open()?,
+                Source::Writer => Pooled { memory: self.server.open()?, share: usize::MAX },
                 Source::Pool => self.server.lend()?,
                 Source::Aside => self.server.open_one_more()?,
             };
             // The cell is empty: nothing else of this thread can have filled it meanwhile.
             let _ = self.memory.set(memory);
         }
-        self.memory.get().ok_or_else(|| Failure::new(codes::INTERNAL, "the memory is not open"))
+        self.opened().ok_or_else(|| Failure::new(codes::INTERNAL, "the memory is not open"))
     }
 
     /// Gives back a memory that was lent. One that is dropped instead is closed: what a mistake of rmem's own left

@@ -30,45 +30,69 @@ pub(super) struct Pool {
     open: AtomicUsize,
 }
 
+/// A memory, and how many bytes it may keep of what it reads.
+pub(super) struct Pooled {
+    pub(super) memory: Memory,
+    pub(super) share: usize,
+}
+
 struct Idle {
-    memory: Memory,
+    pooled: Pooled,
     since: Instant,
     is_warm: bool,
 }
 
 impl Pool {
-    /// Frees and closes what was not lent for long.
-    pub(super) fn tidy(&self, now: Instant) {
-        let mut idle = self.lock();
-        let unused = |one: &Idle| now.saturating_duration_since(one.since);
-        let last = idle.pop();
-        let old = idle.iter().take_while(|one| unused(one) >= CLOSED).count();
-        let closed: Vec<Idle> = idle.drain(..old).collect();
-        idle.extend(last);
-        for one in idle.iter_mut().filter(|one| one.is_warm && unused(one) >= COLD) {
-            one.memory.free_caches();
-            one.is_warm = false;
-        }
-        closed.iter().for_each(|_| self.lost());
-        drop(idle);
-        // It takes a while, during which others are lent.
-        drop(closed);
+    /// Whether one was not lent for long.
+    pub(super) fn has_cold(&self, now: Instant) -> bool {
+        let idle = self.lock();
+        let is_cold = |one: &Idle| now.saturating_duration_since(one.since) >= COLD;
+        idle.first().is_some_and(|one| is_cold(one) && (one.is_warm || idle.len() > 1))
     }
 
-    /// The memory that came back last.
-    pub(super) fn take(&self) -> Option<Memory> {
-        self.lock().pop().map(|one| one.memory)
+    /// Frees and closes what was not lent for long. Others are lent meanwhile.
+    pub(super) fn tidy(&self, now: Instant) {
+        let unused = |one: &Idle| now.saturating_duration_since(one.since);
+        let mut old: Vec<Idle> = {
+            let mut idle = self.lock();
+            let cold = idle.iter().take_while(|one| unused(one) >= COLD).count();
+            idle.drain(..cold).collect()
+        };
+        let is_last = old.len() == self.open.load(Ordering::Relaxed);
+        let closed = old.iter().take_while(|one| unused(one) >= CLOSED).count().min(old.len() - usize::from(is_last));
+        old.drain(..closed).for_each(|_| self.lost());
+        for one in old.iter_mut().filter(|one| one.is_warm) {
+            one.pooled.memory.free_caches();
+            one.is_warm = false;
+        }
+        // In front of those that came back meanwhile.
+        self.lock().splice(..0, old);
+    }
+
+    /// The memory that came back last; its share of the caches grows where others were closed.
+    pub(super) fn take(&self) -> Option<Pooled> {
+        let Pooled { memory, mut share } = self.lock().pop()?.pooled;
+        if share < self.share() {
+            share = self.share();
+            // With a smaller one it works as well.
+            let _ = memory.limit_caches(share);
+        }
+        Some(Pooled { memory, share })
     }
 
     /// Counts one that was opened; says how many bytes it may keep of what it reads.
     pub(super) fn opened(&self) -> usize {
-        let open = self.open.fetch_add(1, Ordering::Relaxed) + 1;
-        (CACHES / open).clamp(*CACHE.start(), *CACHE.end())
+        self.open.fetch_add(1, Ordering::Relaxed);
+        self.share()
+    }
+
+    fn share(&self) -> usize {
+        (CACHES / self.open.load(Ordering::Relaxed).max(1)).clamp(*CACHE.start(), *CACHE.end())
     }
 
     /// Takes one back.
-    pub(super) fn give(&self, memory: Memory) {
-        self.lock().push(Idle { memory, since: Instant::now(), is_warm: true });
+    pub(super) fn give(&self, pooled: Pooled) {
+        self.lock().push(Idle { pooled, since: Instant::now(), is_warm: true });
     }
 
     /// One does not come back.
@@ -91,8 +115,8 @@ mod tests {
         let pool = Pool::default();
         for _ in 0..count {
             let uri = StoreUri::parse("mem:").unwrap();
-            pool.opened();
-            pool.give(Memory::at(uri.clone(), uri, Vec::new()));
+            let share = pool.opened();
+            pool.give(Pooled { memory: Memory::at(uri.clone(), uri, Vec::new()), share });
         }
         pool
     }
@@ -109,11 +133,13 @@ mod tests {
         // What is lent meanwhile stays.
         let lent = pool.take().unwrap();
         pool.tidy(now + CLOSED);
-        assert_eq!(idle(&pool), 1);
+        assert_eq!((idle(&pool), pool.open.load(Ordering::Relaxed)), (0, 1));
         pool.give(lent);
         pool.tidy(now + COLD / 2);
-        assert_eq!(pool.lock().iter().map(|one| one.is_warm).collect::<Vec<_>>(), [false, true]);
+        assert!(pool.lock().iter().all(|one| one.is_warm));
+        assert!(!pool.has_cold(now + COLD / 2) && pool.has_cold(now + CLOSED * 2));
         pool.tidy(now + CLOSED * 2);
+        assert!(!pool.has_cold(now + CLOSED * 2));
         assert_eq!((idle(&pool), pool.open.load(Ordering::Relaxed)), (1, 1));
         assert!(pool.take().is_some() && pool.take().is_none());
     }
@@ -127,5 +153,9 @@ mod tests {
         assert!(kept[..64].iter().sum::<usize>() < 160 << 20 && kept.iter().sum::<usize>() < 256 << 20);
         pool.lost();
         assert_eq!(pool.open.load(Ordering::Relaxed), 999);
+        // One that has little gets more when it is lent again.
+        let pool = filled(1000);
+        (0..998).for_each(|_| pool.lost());
+        assert_eq!(pool.take().map(|one| one.share), Some(*CACHE.end()));
     }
 }

@@ -20,7 +20,7 @@ use super::failure::{Failure, codes};
 use super::files::{Files, Moved};
 use super::hub::Hub;
 use super::job::{Job, JobQueue};
-use super::pool::Pool;
+use super::pool::{Pool, Pooled};
 use super::request::Request;
 use super::session::Sessions;
 use super::snapshot::Readings;
@@ -141,16 +141,16 @@ impl Server {
     }
 
     /// Lends a memory: one that was lent before, or another one.
-    pub(super) fn lend(&self) -> Result<Memory, Failure> {
+    pub(super) fn lend(&self) -> Result<Pooled, Failure> {
         self.pool.take().map_or_else(|| self.open_one_more(), Ok)
     }
 
     /// Opens one of many memories, which keeps only a share of what it reads.
-    pub(super) fn open_one_more(&self) -> Result<Memory, Failure> {
+    pub(super) fn open_one_more(&self) -> Result<Pooled, Failure> {
         let memory = self.open()?;
         let share = self.pool.opened();
         memory.limit_caches(share).inspect_err(|_| self.pool.lost())?;
-        Ok(memory)
+        Ok(Pooled { memory, share })
     }
 
     /// Looks whether the files that are served still have their names.

@@ -16,7 +16,7 @@ use super::lazy::Lazy;
 use super::mailbox::Reply;
 use super::panic;
 use super::retry;
-use super::server::Server;
+use super::server::{Server, thread};
 use super::statements::Repeatable;
 use super::transaction;
 use super::write;
@@ -133,7 +133,11 @@ impl WriterContext<'_> {
 
     /// Lets go of what is too old.
     fn look_after(&mut self) {
-        self.server.pool.tidy(Instant::now());
+        if self.server.pool.has_cold(Instant::now()) {
+            // To close many takes longer than a write should wait.
+            let server = Arc::clone(self.server);
+            let _ = thread("pool").spawn(move || server.pool.tidy(Instant::now()));
+        }
         self.server.sessions.forget(SESSION_TIMEOUT);
         self.server.behind.forget(SESSION_TIMEOUT);
         if self.server.check_files().is_err() {
