@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use bson::{Bson, Document};
+
 use super::MongoDb;
 use crate::interrupt::stops_work;
 use crate::query::random_up_to;
@@ -45,6 +47,37 @@ pub(super) fn any_of<T>(mut matches: Vec<T>) -> Option<T> {
 }
 
 /// Of how many matches one is taken, where any will do: with each attempt of more, so that clients get out of each other's way.
-pub(super) fn choices(attempt: u32) -> u64 {
+pub(super) fn choices(filter: &Document, attempt: u32) -> u64 {
+    if has_order(filter) {
+        return 1;
+    }
     u64::from(1u32.checked_shl(attempt).map_or(MOST_CHOICES, |choices| choices.min(MOST_CHOICES)))
+}
+
+/// Whether the first match is the nearest one.
+fn has_order(filter: &Document) -> bool {
+    let within = |value: &Bson| match value {
+        Bson::Document(fields) => has_order(fields),
+        Bson::Array(items) => items.iter().filter_map(Bson::as_document).any(has_order),
+        _ => false,
+    };
+    filter.iter().any(|(name, value)| matches!(name.as_str(), "$near" | "$nearSphere") || within(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bson::doc;
+
+    #[test]
+    fn others_are_chosen_where_no_match_is_the_first() {
+        let free = doc! { "free": true, "near": "$near" };
+        assert_eq!([0, 1, 3, 9, 60].map(|attempt| choices(&free, attempt)), [1, 2, 8, 64, 64]);
+        for nearest in [
+            doc! { "free": true, "at": { "$near": [1, 2] } },
+            doc! { "$and": [{ "free": true }, { "at": { "$nearSphere": [1, 2], "$maxDistance": 1 } }] },
+        ] {
+            assert_eq!(choices(&nearest, 9), 1, "{nearest}");
+        }
+    }
 }

@@ -13,7 +13,8 @@ use super::dates::path;
 use super::named::{exactly, none_of, same};
 use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
-use super::update::{as_it_was, is_replacement, with_updated, without_metadata};
+use super::unchanged::{as_read, with_the_same_metadata};
+use super::update::{as_it_was, is_replacement, may_be_done_by_others, with_updated, without_metadata};
 use super::{MongoDb, failure};
 use crate::query::collation::during;
 use crate::query::text::asks_for_score;
@@ -24,8 +25,9 @@ use crate::store::{
     UpdateSpec,
 };
 
-/// The largest document, in bytes, that is compared as a whole.
-const LARGEST_CONDITION: usize = 1 << 20;
+/// So often a change that another client may have made as well is tried; then it is made as soon as the document matches, and
+/// has the date of the change even where nothing changes.
+const PATIENT: u32 = 16;
 
 /// What came of one attempt.
 enum Attempt {
@@ -147,14 +149,14 @@ impl MongoDb {
             }
         }
         // Without an order, any match will do.
-        let limit = if request.sort.is_empty() { choices(attempt) } else { 1 };
+        let limit = if request.sort.is_empty() { choices(&request.filter, attempt) } else { 1 };
         let find = Find { limit, ..request.find(Document::new()) };
         let matches = self.find(ns, &find)?.collect::<Result<_, _>>()?;
         let Some(before) = any_of(matches) else {
             self.check(ns, request, update)?;
             return Ok(Attempt::Unmatched);
         };
-        self.change_what_is_read(ns, request, update, before, at)
+        self.change_what_is_read(ns, request, update, (before, attempt), at)
     }
 
     /// Has the server check the request, by a change of nothing.
@@ -169,7 +171,7 @@ impl MongoDb {
         ns: &Namespace,
         request: &FindAndModify,
         update: &UpdateRequest,
-        before: RawDocumentBuf,
+        (before, attempt): (RawDocumentBuf, u32),
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
         let id = id(&before)?;
@@ -182,7 +184,11 @@ impl MongoDb {
         match prediction {
             Some(Prediction::Changes) => {
                 let change = with_updated(&plain, at)?;
-                let filter = doc! { "$and": [this, as_it_was(&update.update, &read)?] };
+                let mut conditions = vec![this, as_it_was(&update.update, &read)?];
+                if attempt < PATIENT && may_be_done_by_others(&plain, 1) {
+                    conditions.push(the_same(request, before)?);
+                }
+                let filter = doc! { "$and": conditions };
                 let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
                 Ok(changed.map_or(Attempt::Overtaken, Attempt::changed))
             }
@@ -332,12 +338,6 @@ impl Attempt {
     }
 }
 
-/// The condition that the metadata of a document are those that were read: rmem writes a date wherever it changes something.
-fn with_the_same_metadata(document: &RawDocumentBuf) -> Result<Document, QueryError> {
-    let info = document.get(INFO)?.map(Bson::try_from).transpose()?;
-    Ok(info.map_or_else(|| doc! { INFO: { "$exists": false } }, |info| doc! { INFO: { "$eq": info } }))
-}
-
 /// The document that a request is about, where it still matches. No expression goes with the positional `$` of a projection.
 fn this(request: &FindAndModify, id: &Bson) -> Document {
     let collation = request.modifiers.collation.as_ref().filter(|_| !is_positional(&request.projection));
@@ -349,12 +349,7 @@ fn the_same(request: &FindAndModify, document: &RawDocumentBuf) -> Result<Docume
     if is_positional(&request.projection) {
         return with_the_same_metadata(document);
     }
-    let known = Document::try_from(&**document)?;
-    // One with a field twice cannot be written as an expression, and a large one not beside the update.
-    if document.as_bytes().len() > LARGEST_CONDITION || RawDocumentBuf::try_from(&known)? != *document {
-        return with_the_same_metadata(document);
-    }
-    Ok(doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } })
+    as_read(document)
 }
 
 impl<'a> Change<'a> {

@@ -25,6 +25,7 @@ mod prediction;
 mod raw;
 mod server_message;
 mod single_step;
+mod unchanged;
 mod update;
 mod validation;
 mod verbs;

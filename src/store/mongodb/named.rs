@@ -9,28 +9,60 @@ pub(super) fn same(id: &Bson) -> Document {
     doc! { "_id": { "$eq": id } }
 }
 
-/// The same for a request with a collation, in which texts that differ may be equal: by the length and the bytes, which the
+/// The same for a request with a collation, in which texts that differ may be equal: by their lengths and bytes, which the
 /// server compares without it.
 pub(super) fn exactly(id: &Bson, collation: Option<&Collation>) -> Document {
     let mut named = same(id);
-    if let (Bson::String(text), Some(_)) = (id, collation) {
-        let length = i64::try_from(text.len()).unwrap_or(i64::MAX);
-        let bytes = doc! { "$and": [
-            { "$eq": [{ "$strLenBytes": "$_id" }, length] },
-            { "$eq": [{ "$indexOfBytes": ["$_id", { "$literal": text }] }, 0] },
-        ] };
-        let is_text = doc! { "$eq": [{ "$type": "$_id" }, "string"] };
-        named.insert("$expr", doc! { "$cond": [is_text, bytes, false] });
+    let mut texts = Vec::new();
+    if collation.is_some() {
+        add_texts(id, "$_id".into(), &mut texts);
+    }
+    if !texts.is_empty() {
+        // What is equal has them in the same places.
+        let is_equal = doc! { "$eq": ["$_id", { "$literal": id }] };
+        named.insert("$expr", doc! { "$cond": [is_equal, { "$and": texts }, false] });
     }
     named
 }
 
+/// Adds a condition for each text within a value, which an expression gives.
+fn add_texts(value: &Bson, given: Bson, texts: &mut Vec<Document>) {
+    match value {
+        Bson::String(text) => {
+            let length = i64::try_from(text.len()).unwrap_or(i64::MAX);
+            let is_text = doc! { "$eq": [{ "$type": &given }, "string"] };
+            let has_length = doc! { "$eq": [{ "$strLenBytes": &given }, length] };
+            let has_bytes = doc! { "$eq": [{ "$indexOfBytes": [given, { "$literal": text }] }, 0] };
+            texts.push(doc! { "$cond": [is_text, { "$and": [has_length, has_bytes] }, false] });
+        }
+        Bson::Document(fields) => fields.iter().for_each(|(name, value)| add_texts(value, field(&given, name), texts)),
+        Bson::Array(items) => {
+            for (place, item) in items.iter().enumerate() {
+                let place = i64::try_from(place).unwrap_or(i64::MAX);
+                add_texts(item, doc! { "$arrayElemAt": [&given, place] }.into(), texts);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The expression for a field of the document that another one gives. Servers before MongoDB 5.0 know only paths.
+fn field(given: &Bson, name: &str) -> Bson {
+    match given {
+        Bson::String(path) if !name.is_empty() && !name.starts_with('$') && !name.contains('.') => {
+            format!("{path}.{name}").into()
+        }
+        _ => doc! { "$getField": { "field": { "$literal": name }, "input": given } }.into(),
+    }
+}
+
 /// The filter for the documents with these `_id`s, in a request with this collation.
 pub(super) fn among(ids: &[Bson], collation: Option<&Collation>) -> Document {
-    match collation {
-        None => doc! { "_id": { "$in": ids } },
-        Some(_) => doc! { "$or": ids.iter().map(|id| exactly(id, collation)).collect::<Vec<_>>() },
+    let mut among = doc! { "_id": { "$in": ids } };
+    if collation.is_some() {
+        among.insert("$or", ids.iter().map(|id| exactly(id, collation)).collect::<Vec<_>>());
     }
+    among
 }
 
 /// A filter that matches nothing and contains another, so that it is checked.

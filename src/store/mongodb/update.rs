@@ -22,6 +22,7 @@ use super::dates::{add_field, inserted, path};
 use super::named::{self, none_of};
 use super::prediction::{Before, Prediction, predict};
 use super::single_step::{self, Meaning, Single};
+use super::unchanged::{as_they_were, dates, updated};
 use crate::interrupt::stops_work;
 use crate::query::{Collation, QueryError, check_upsert, key};
 use crate::store::document::with_id_first;
@@ -32,6 +33,8 @@ use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, Updat
 const CHUNK: usize = 1_000;
 /// The same with a collation, where each is named by a longer condition.
 const CHUNK_WITH_COLLATION: usize = 100;
+/// About how many bytes of `_id`s one command names. With a collation each is named five times.
+const CHUNK_BYTES: usize = 2 << 20;
 
 /// An update of documents that are read before.
 struct Work<'a> {
@@ -114,7 +117,7 @@ impl MongoDb {
     fn update_first(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
         let Work { ns, request, .. } = *work;
         self.in_attempts(|attempt| {
-            let find = matching(request, request.filter.clone(), choices(attempt));
+            let find = matching(request, request.filter.clone(), choices(&request.filter, attempt));
             let Some(chosen) = any_of(with_ids(self.find(ns, &find)?)?) else { return Ok(Some(Updated::default())) };
             let done = self.update_chunk(work, vec![chosen])?;
             Ok((done.matched > 0).then_some(done))
@@ -124,7 +127,7 @@ impl MongoDb {
     fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
         let Work { ns, request, at, .. } = *work;
         let collation = request.modifiers.collation.as_ref();
-        let chunk = match collation {
+        let most = match collation {
             _ if makes_new_documents(&request.update) => 1,
             Some(_) => CHUNK_WITH_COLLATION,
             None => CHUNK,
@@ -133,7 +136,7 @@ impl MongoDb {
         let find = Find { projection: doc! { "_id": 1 }, ..matching(request, request.filter.clone(), 0) };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut done = Updated::default();
-        for ids in matches.chunks(chunk) {
+        for ids in chunks(&matches, most) {
             if stops_work() {
                 return Err(StoreError::Interrupted { done: done.modified });
             }
@@ -188,13 +191,45 @@ impl MongoDb {
         // Those that are not changed are not sent.
         let mut done = Updated { matched: moved, ..Updated::default() };
         if !changing.is_empty() {
-            let with_metadata = with_updated(&plain, at)?;
-            add(&mut done, &self.apply(ns, among(request, with_metadata, &changing)?)?);
+            let mut asked = among(request, with_updated(&plain, at)?, &changing)?;
+            let may_stay = may_be_done_by_others(&plain, changing.len());
+            if may_stay {
+                asked.filter = doc! { "$and": [asked.filter, as_they_were(&changing)?] };
+            }
+            let sent = self.apply(ns, asked)?;
+            add(&mut done, &sent);
+            if may_stay && sent.matched < changing.len() as u64 {
+                add(&mut done, &self.update_changed_by_others(work, &changing)?);
+            }
         }
         for others in [rest, behind].iter().filter(|others| !others.is_empty()) {
             add(&mut done, &self.update_then_metadata(ns, request, plain.clone(), others, at)?);
         }
         Ok(done)
+    }
+
+    /// Updates documents of which others changed some meanwhile, which may have what the update gives already. To several it is
+    /// done once more where it was done.
+    fn update_changed_by_others(&self, work: &Work<'_>, these: &Before) -> Result<Updated, StoreError> {
+        let Work { ns, request, at, .. } = *work;
+        let is_one = these.len() == 1;
+        let these = named::among(&ids(these), request.modifiers.collation.as_ref());
+        let filter = doc! { "$and": [request.filter.clone(), these] };
+        let left = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
+        if left.is_empty() {
+            return Ok(Updated::default());
+        }
+        let plain = without_metadata(&request.update, &left, at)?;
+        let done = self.update_then_metadata(ns, request, plain, &left, at)?;
+        if is_one {
+            return Ok(done);
+        }
+        // What has the date of this update was counted before.
+        let mut matched = 0;
+        for (_, body) in &left {
+            matched += u64::from(updated(body)? != Some(at));
+        }
+        Ok(Updated { matched, ..done })
     }
 
     /// Updates those of the documents that still match, and then writes the metadata of those
@@ -242,6 +277,22 @@ impl MongoDb {
 /// The query for matches of an update, at most so many (0 for all), by another filter.
 fn matching(request: &UpdateRequest, filter: Document, limit: u64) -> Find {
     Find { filter, limit, modifiers: request.modifiers.clone(), current: true, ..Find::default() }
+}
+
+/// The parts of a list of `_id`s, in order, of at most so many, and of so many bytes that a command takes them.
+fn chunks(ids: &[Bson], most: usize) -> Vec<&[Bson]> {
+    let mut chunks = Vec::new();
+    let (mut start, mut bytes) = (0, 0);
+    for (place, id) in ids.iter().enumerate() {
+        let size = key::encode_value(id).len();
+        if place > start && (place - start >= most || bytes + size > CHUNK_BYTES) {
+            chunks.extend(ids.get(start..place));
+            (start, bytes) = (place, 0);
+        }
+        bytes += size;
+    }
+    chunks.extend(ids.get(start..).filter(|rest| !rest.is_empty()));
+    chunks
 }
 
 fn ids(documents: &Before) -> Vec<Bson> {
@@ -353,16 +404,21 @@ pub(super) fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document
     }
 }
 
-/// The dates of a document.
-fn dates(document: &RawDocumentBuf) -> Result<Document, QueryError> {
-    let info = document.get(INFO)?.and_then(|info| info.as_document());
-    let mut dates = Document::new();
-    for key in [INSERTED, UPDATED] {
-        if let Some(value) = info.map(|info| info.get(key)).transpose()?.flatten() {
-            dates.insert(key, Bson::try_from(value)?);
-        }
-    }
-    Ok(dates)
+/// Whether an update that changes documents as they were read may find some of them, at most so many, as it would leave them:
+/// another client may have done the same. To several it has to be one that may be done twice.
+pub(super) fn may_be_done_by_others(update: &UpdateSpec, documents: usize) -> bool {
+    let UpdateSpec::Document(document) = update else { return documents == 1 };
+    let cuts = |fields: &Bson| {
+        let mut each = fields.as_document().into_iter().flat_map(Document::values).filter_map(Bson::as_document);
+        each.any(|modifiers| modifiers.contains_key("$slice"))
+    };
+    let always_changes = document.iter().any(|(operator, fields)| match operator.as_str() {
+        "$inc" | "$currentDate" => true,
+        "$push" => !cuts(fields),
+        _ => false,
+    });
+    let once_is_enough = ["$set", "$unset", "$addToSet", "$pull", "$pullAll", "$min", "$max", "$setOnInsert"];
+    !always_changes && (documents == 1 || document.keys().all(|operator| once_is_enough.contains(&operator.as_str())))
 }
 
 /// A replacement without its metadata, and the application's part of the metadata.
@@ -405,4 +461,40 @@ fn replacement(document: &Document, at: DateTime) -> Result<UpdateSpec, QueryErr
     let info = doc! { "$mergeObjects": [{ "$literal": own }, { INSERTED: inserted(at), UPDATED: at }] };
     let whole = doc! { "$mergeObjects": [{ "_id": "$_id" }, { "$literal": document }, { INFO: info }] };
     Ok(UpdateSpec::Pipeline(vec![doc! { "$replaceWith": whole }]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_command_names_too_much() {
+        let sizes = |ids: &[Bson], most| chunks(ids, most).into_iter().map(<[Bson]>::len).collect::<Vec<_>>();
+        assert_eq!(sizes(&[], 3), [0_usize; 0]);
+        let few: Vec<Bson> = (0..7).map(Bson::Int32).collect();
+        assert_eq!((sizes(&few, 3), sizes(&few, 1)), (vec![3, 3, 1], vec![1; 7]));
+        let long: Vec<Bson> =
+            ["a", "b", "c", "d", "e"].iter().map(|text| text.repeat(CHUNK_BYTES / 2).into()).collect();
+        assert_eq!(sizes(&long, 100), [1; 5]);
+        let half: Vec<Bson> = long.iter().map(|text| text.as_str().unwrap()[..CHUNK_BYTES / 3].into()).collect();
+        assert_eq!(sizes(&half, 100), [2, 2, 1]);
+    }
+
+    #[test]
+    fn only_what_may_be_there_already_is_looked_at() {
+        let may = |update: Document, documents| may_be_done_by_others(&UpdateSpec::Document(update), documents);
+        for update in [doc! { "$addToSet": { "l": 1 } }, doc! { "$max": { "n": 1 }, "$set": { "a.b": 1 } }] {
+            assert!(may(update.clone(), 1) && may(update, 9));
+        }
+        for update in
+            [doc! { "n": 1 }, doc! { "$pop": { "l": 1 } }, doc! { "$push": { "l": { "$each": [1], "$slice": 1 } } }]
+        {
+            assert!(may(update.clone(), 1) && !may(update, 2));
+        }
+        for update in [doc! { "$inc": { "n": 1 } }, doc! { "$set": { "a.b": 1 }, "$push": { "l": { "$each": [1] } } }] {
+            assert!(!may(update.clone(), 1) && !may(update, 9));
+        }
+        let pipeline = UpdateSpec::Pipeline(vec![doc! { "$set": { "n": 1 } }]);
+        assert!(may_be_done_by_others(&pipeline, 1) && !may_be_done_by_others(&pipeline, 2));
+    }
 }

@@ -20,6 +20,9 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::each_client_takes_another_document", taken),
     ("serving::in_front_of_mongod::each_client_gets_another_number", numbered),
     ("serving::in_front_of_mongod::clients_that_change_the_same_documents_all_get_done", crowded),
+    ("serving::in_front_of_mongod::of_clients_that_do_the_same_one_did_it", claimed),
+    ("serving::in_front_of_mongod::each_client_takes_the_nearest", nearest),
+    ("serving::in_front_of_mongod::ids_that_are_equal_under_a_collation_are_told_apart", equal_ids),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
     ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
@@ -209,6 +212,99 @@ fn crowded(mongod: &str) -> Result<(), Failed> {
     assert_eq!(taken, u64::try_from(ORDERS)?);
     let most = doc! { "n": CLIENTS - 1, "made": true };
     assert_eq!(database.collection::<Document>("keys").count_documents(most).run()?, 4);
+    database.drop().run()?;
+    Ok(())
+}
+
+fn claimed(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 8;
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("claimed");
+    database.drop().run()?;
+    let updates = [
+        doc! { "$addToSet": { "l": "mine" } },
+        doc! { "$unset": { "free": 1 } },
+        doc! { "$max": { "n": 5 } },
+        doc! { "$set": { "a.b": 1 } },
+        doc! { "$pull": { "l": "free" } },
+    ];
+    for (round, update) in (0..).zip(updates.iter().chain(&updates)) {
+        let tables = database.collection::<Document>("tables");
+        tables.insert_one(doc! { "_id": round, "l": ["free"], "free": true, "n": 1 }).run()?;
+        let claim = |client: i32| -> Result<u64, Failed> {
+            let tables = served.client()?.database("claimed").collection::<Document>("tables");
+            let id = doc! { "_id": round };
+            Ok(match client % 3 {
+                0 => tables.update_many(id, update.clone()).run()?,
+                1 => tables.update_one(id, update.clone()).run()?,
+                _ => {
+                    let pipeline = vec![doc! { "$set": { "p": { "$ifNull": ["$p", round] } } }];
+                    tables.update_one(id.clone(), pipeline).run()?;
+                    tables.update_one(id, update.clone()).run()?
+                }
+            }
+            .modified_count)
+        };
+        assert_eq!(at_once(CLIENTS, claim)?.into_iter().sum::<u64>(), 1, "{update}");
+    }
+    database.drop().run()?;
+    Ok(())
+}
+
+fn nearest(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 12;
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("nearest");
+    database.drop().run()?;
+    let shelves = database.collection::<Document>("shelves");
+    shelves.create_index(mongodb::IndexModel::builder().keys(doc! { "at": "2d" }).build()).run()?;
+    shelves.insert_many((0..60).map(|id| doc! { "_id": id, "at": [id, 0], "free": true })).run()?;
+    let take = |client: i32| -> Result<(), Failed> {
+        let shelves = served.client()?.database("nearest").collection::<Document>("shelves");
+        let (free, take) = (doc! { "free": true, "at": { "$near": [0, 0] } }, doc! { "$unset": { "free": 1 } });
+        match client % 2 {
+            0 => assert_eq!(shelves.update_one(free, take).run()?.matched_count, 1),
+            _ => assert!(shelves.find_one_and_update(free, take).run()?.is_some()),
+        }
+        Ok(())
+    };
+    at_once(CLIENTS, take)?;
+    let farther = doc! { "free": { "$exists": false }, "_id": { "$gte": CLIENTS } };
+    assert_eq!(shelves.count_documents(farther).run()?, 0);
+    database.drop().run()?;
+    Ok(())
+}
+
+fn equal_ids(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database("equal_ids");
+    database.drop().run()?;
+    let things = database.collection::<Document>("things");
+    let ids = ["x", "X"].map(|text| {
+        [
+            bson::Bson::from(text),
+            doc! { "a": text, "l": [1, { "b.c": text }] }.into(),
+            doc! { "": { "d": text } }.into(),
+        ]
+    });
+    let ids: Vec<_> = ids.into_iter().flatten().collect();
+    things.insert_many(ids.iter().map(|id| doc! { "_id": id, "n": 0 })).run()?;
+    let ignoring_case =
+        Collation::builder().locale("en").strength(mongodb::options::CollationStrength::Secondary).build();
+    // Each by a request of its own, and all by one.
+    let pipeline = vec![doc! { "$replaceWith": { "$mergeObjects": ["$$ROOT", { "n": { "$add": ["$n", 1] } }] } }];
+    let done = things.update_many(doc! {}, pipeline).collation(ignoring_case.clone()).run()?;
+    assert_eq!((done.matched_count, done.modified_count), (6, 6));
+    let done = things.update_many(doc! {}, doc! { "$inc": { "n": 1 } }).collation(ignoring_case.clone()).run()?;
+    assert_eq!((done.matched_count, done.modified_count), (6, 6));
+    assert_eq!(things.count_documents(doc! { "n": 2 }).run()?, 6);
+    let one = doc! { "_id": ids.last().cloned() };
+    let pop = vec![doc! { "$set": { "n": { "$add": ["$n", 1] } } }];
+    assert!(things.find_one_and_update(one, pop).collation(ignoring_case).run()?.is_some());
+    assert_eq!(things.count_documents(doc! { "n": 3 }).run()?, 1);
     database.drop().run()?;
     Ok(())
 }
