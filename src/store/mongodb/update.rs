@@ -36,6 +36,11 @@ const CHUNK_WITH_COLLATION: usize = 100;
 /// About how many bytes of `_id`s one command names. With a collation each is named five times.
 const CHUNK_BYTES: usize = 2 << 20;
 
+/// MongoDB's code for a query that asks for two values of one field: `NotSingleValueField`.
+const NOT_SINGLE_VALUED: i32 = 54;
+/// The same for a field that has no name: `IllegalOperation`.
+const WRONG_FIELD: i32 = 20;
+
 /// An update of documents that are read before.
 struct Work<'a> {
     ns: &'a Namespace,
@@ -65,12 +70,28 @@ impl MongoDb {
                 return Ok(Some(done));
             }
             let upsert = UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() };
-            match self.apply(ns, upsert) {
+            let done = match self.apply(ns, upsert) {
+                // As a pipeline, with which the server would take all that the query asks for.
+                Err(StoreError::Query(error)) if is_refused_query(&error) && replaces(&request.update) => {
+                    self.insert_replacement(ns, request, at)
+                }
+                done => done,
+            };
+            match done {
                 // Another client has just inserted what is to be changed.
                 Err(StoreError::Duplicate { .. }) if self.matches(ns, request)? => Ok(None),
                 done => done.map(Some),
             }
         })
+    }
+
+    /// Inserts a replacement that nothing matched, with the `_id` of the query.
+    fn insert_replacement(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
+        let made = request.update.compile(&request.array_filters, &Document::new())?.upsert(&request.filter, at)?;
+        let made = Document::try_from(&*metadata::upsert(&made, at)?).map_err(QueryError::from)?;
+        let upserted = made.get("_id").cloned();
+        self.insert_all(ns, vec![made])?;
+        Ok(Updated { upserted, ..Updated::default() })
     }
 
     /// Whether there is anything to be updated.
@@ -352,6 +373,15 @@ fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError
 /// Whether an update is a replacement document: one without operators.
 pub(super) fn is_replacement(document: &Document) -> bool {
     !document.keys().next().is_some_and(|key| key.starts_with('$'))
+}
+
+fn replaces(update: &UpdateSpec) -> bool {
+    matches!(update, UpdateSpec::Document(document) if is_replacement(document))
+}
+
+/// Whether the server refused an upsert because of the fields that its query asks for: two for one path, or one with a wrong name.
+fn is_refused_query(error: &QueryError) -> bool {
+    [NOT_SINGLE_VALUED, WRONG_FIELD].contains(&error.code)
 }
 
 /// Whether a pipeline may give documents without what they had.

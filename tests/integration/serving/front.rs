@@ -98,6 +98,10 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     let own = [doc! { "$documents": [{ "_id": 7 }] }];
     assert_eq!(database.aggregate(own).run()?.collect::<Result<Vec<_>, _>>()?, [doc! { "_id": 7 }]);
     assert_eq!(things.delete_many(doc! {}).run()?.deleted_count, 3);
+    // A replacement is inserted whatever else the query asks for.
+    let made = things.replace_one(doc! { "_id": 8, "a": 1, "a.b": 2 }, doc! { "z": 1 }).upsert(true).run()?;
+    assert_eq!(made.upserted_id, Some(8.into()));
+    assert_eq!(things.find_one_and_delete(doc! { "z": 1 }).run()?, Some(doc! { "_id": 8, "z": 1 }));
     many.insert_one(doc! { "_id": -1 }).run()?;
     let slow = many.find(doc! { "$where": "sleep(60000) || true" }).max_time(std::time::Duration::from_millis(200));
     assert_eq!(code(slow.run()), Some(50));
