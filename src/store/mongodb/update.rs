@@ -375,7 +375,8 @@ pub(super) fn is_replacement(document: &Document) -> bool {
     !document.keys().next().is_some_and(|key| key.starts_with('$'))
 }
 
-fn replaces(update: &UpdateSpec) -> bool {
+/// Whether an update replaces the whole document.
+pub(super) fn replaces(update: &UpdateSpec) -> bool {
     matches!(update, UpdateSpec::Document(document) if is_replacement(document))
 }
 

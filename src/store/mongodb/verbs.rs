@@ -9,7 +9,7 @@ use mongodb::results::UpdateResult;
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
-use super::update::is_replacement;
+use super::update::{is_replacement, replaces};
 use super::visible::{behind_expression, for_server, in_stages};
 use super::{MongoDb, failure, named, validation};
 use crate::query::{Collation, QueryError, object_id};
@@ -401,8 +401,7 @@ impl MongoDb {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
-        let is_replacement = matches!(&update.update, UpdateSpec::Document(document) if is_replacement(document));
-        if update.many && is_replacement {
+        if update.many && replaces(&update.update) {
             let refusal = "a replacement document cannot be applied to many documents";
             return Err(QueryError::failed_to_parse(refusal).into());
         }
