@@ -7,7 +7,8 @@ use bson::{Document, doc};
 use libtest_mimic::Failed;
 use mongodb::options::{Collation, ReturnDocument};
 use mongodb::results::CollectionType;
-use mongodb::sync::Client;
+use mongodb::sync::{Client, Database};
+use tempfile::TempDir;
 
 use super::wire::Wire;
 use super::{Served, code};
@@ -150,6 +151,15 @@ fn in_front(mongod: &str) -> Result<(), Failed> {
     Ok(())
 }
 
+/// A server in front of mongod, with its folder, and an empty database there.
+fn emptied(mongod: &str, name: &str) -> Result<(TempDir, Served, Database), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let database = served.client()?.database(name);
+    database.drop().run()?;
+    Ok((folder, served, database))
+}
+
 /// What so many clients, each in a thread of its own, give.
 fn at_once<T: Send>(clients: i32, work: impl Fn(i32) -> Result<T, Failed> + Sync) -> Result<Vec<T>, Failed> {
     std::thread::scope(|scope| {
@@ -162,10 +172,7 @@ fn at_once<T: Send>(clients: i32, work: impl Fn(i32) -> Result<T, Failed> + Sync
 fn taken(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 4;
     const EACH: i32 = 15;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("taken");
-    database.drop().run()?;
+    let (_folder, served, database) = emptied(mongod, "taken")?;
     let orders = database.collection::<Document>("orders");
     orders.insert_many((0..CLIENTS * EACH).map(|id| doc! { "_id": id, "state": "open" })).run()?;
     let take = |_| -> Result<Vec<i32>, Failed> {
@@ -187,10 +194,7 @@ fn taken(mongod: &str) -> Result<(), Failed> {
 fn crowded(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 16;
     const ORDERS: i32 = 60;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("crowded");
-    database.drop().run()?;
+    let (_folder, served, database) = emptied(mongod, "crowded")?;
     let orders = database.collection::<Document>("orders");
     orders.insert_many((0..ORDERS).map(|id| doc! { "_id": id, "state": "open" })).run()?;
     database.collection::<Document>("keys").create_index(unique("k")).run()?;
@@ -222,10 +226,7 @@ fn crowded(mongod: &str) -> Result<(), Failed> {
 
 fn claimed(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 8;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("claimed");
-    database.drop().run()?;
+    let (_folder, served, database) = emptied(mongod, "claimed")?;
     let updates = [
         doc! { "$addToSet": { "l": "mine" } },
         doc! { "$unset": { "free": 1 } },
@@ -258,10 +259,7 @@ fn claimed(mongod: &str) -> Result<(), Failed> {
 
 fn nearest(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 12;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("nearest");
-    database.drop().run()?;
+    let (_folder, served, database) = emptied(mongod, "nearest")?;
     let shelves = database.collection::<Document>("shelves");
     shelves.create_index(mongodb::IndexModel::builder().keys(doc! { "at": "2d" }).build()).run()?;
     shelves.insert_many((0..60).map(|id| doc! { "_id": id, "at": [id, 0], "free": true })).run()?;
@@ -282,10 +280,7 @@ fn nearest(mongod: &str) -> Result<(), Failed> {
 }
 
 fn equal_ids(mongod: &str) -> Result<(), Failed> {
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("equal_ids");
-    database.drop().run()?;
+    let (_folder, _served, database) = emptied(mongod, "equal_ids")?;
     let things = database.collection::<Document>("things");
     let ids = ["x", "X"].map(|text| {
         [
@@ -321,10 +316,7 @@ fn unique(field: &str) -> mongodb::IndexModel {
 fn numbered(mongod: &str) -> Result<(), Failed> {
     const CLIENTS: i32 = 4;
     const EACH: i32 = 15;
-    let folder = tempfile::tempdir()?;
-    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
-    let database = served.client()?.database("numbered");
-    database.drop().run()?;
+    let (_folder, served, database) = emptied(mongod, "numbered")?;
     let counters = database.collection::<Document>("counters");
     let add = [doc! { "$set": { "n": { "$add": ["$n", "$$step"] } } }];
     let collation = Collation::builder().locale("en").build();
