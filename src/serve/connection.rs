@@ -66,7 +66,7 @@ type GoesOn = bool;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Waited {
     Message,
-    /// Nobody reads a cursor of it any more.
+    /// All its cursors are closed.
     NoCursors,
     /// The client has gone, or the server ends.
     End,
@@ -156,8 +156,6 @@ impl Connection {
                     if host.server.is_stopping() {
                         return Ok(Waited::End);
                     }
-                    host.expire();
-                    host.free_caches();
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.into()),

@@ -36,7 +36,7 @@ impl Lazy {
         Self::from(server, Source::Pool)
     }
 
-    /// One for a while, which nobody else gets.
+    /// One of its own, which is closed after use.
     pub(super) fn aside(server: &Arc<Server>) -> Self {
         Self::from(server, Source::Aside)
     }
@@ -63,8 +63,8 @@ impl Lazy {
         self.opened().ok_or_else(|| Failure::new(codes::INTERNAL, "the memory is not open"))
     }
 
-    /// Gives back a memory that was lent. One that is dropped instead is closed: what a mistake of rmem's own left
-    /// of it, nobody else gets.
+    /// Gives back a memory that was lent. One that is dropped instead is closed: after a mistake of rmem's own it is not
+    /// lent again.
     pub(super) fn give_back(mut self) {
         if self.source == Source::Pool
             && let Some(memory) = self.memory.take()
