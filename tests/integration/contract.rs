@@ -10,8 +10,8 @@ use bson::{Bson, DateTime, Document, doc};
 use libtest_mimic::{Failed, Trial};
 use rmem::query::Collation;
 use rmem::store::{
-    Aggregation, Embedded, Find, FindAndModify, HistoryRule, Index, IndexChange, Inserted, Modification, Modified,
-    Modifiers, Namespace, Query, Scope, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
+    Aggregation, ChangeKind, Embedded, Find, FindAndModify, HistoryRule, Index, IndexChange, Inserted, Modification,
+    Modified, Modifiers, Namespace, Query, Scope, Store, StoreError, UpdateRequest, UpdateSpec, Updated,
 };
 
 type Case = fn(&dyn Store, &Namespace);
@@ -109,6 +109,7 @@ const CASES: &[(&str, Case)] = cases![
     a_decayed_document_takes_no_key,
     an_expression_sees_the_stored_documents_whatever_their_metadata_is,
     the_runs_that_lost_their_oldest_changes_are_known,
+    a_collection_with_a_history_can_be_dropped,
     the_keys_of_a_reference_are_fields_of_paths,
 ];
 
@@ -1714,4 +1715,16 @@ fn the_runs_that_lost_their_oldest_changes_are_known(store: &dyn Store, ns: &Nam
     for (run, count) in &kept {
         assert_eq!(history.cut_runs.contains(run), !is_whole(count), "{run}: {kept:?} {:?}", history.cut_runs);
     }
+}
+
+fn a_collection_with_a_history_can_be_dropped(store: &dyn Store, ns: &Namespace) {
+    let (scope, age) = (Scope::Collection(ns.clone()), Duration::from_secs(3600));
+    store.keep_history(&[HistoryRule { scope, age, size: 1 << 20 }]);
+    insert(store, ns, [doc! { "_id": 1 }, doc! { "_id": 2 }]);
+    store.drop(ns).unwrap();
+    assert!(!store.collections().unwrap().contains(ns));
+    let Some(history) = store.history(ns, None).unwrap() else { return };
+    let kinds: Vec<ChangeKind> = history.entries.map(|entry| entry.unwrap().change.kind).collect();
+    assert_eq!(kinds.iter().filter(|kind| **kind == ChangeKind::Insert).count(), 2, "{kinds:?}");
+    assert!(!store.collections().unwrap().contains(ns));
 }

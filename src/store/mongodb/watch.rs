@@ -79,7 +79,8 @@ impl MongoDb {
             copy: None,
         };
         if server.images {
-            self.keep_images(ns, true)?;
+            // A watch that goes on has seen its collection: where it is missing now, it was dropped.
+            self.keep_images(ns, stream.token.is_none())?;
         }
         stream.open().map_err(|error| stream.explain(&error))?;
         stream.given.clone_from(&stream.token);
