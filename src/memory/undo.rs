@@ -3,7 +3,7 @@
 //! Changes that were made later to the same documents would be overwritten. They are reported, and
 //! kept unless it is forced. What is done is itself a change, of which there is a history.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
@@ -87,8 +87,7 @@ impl Memory {
         let mut selected: Vec<Entry> = self.history(selection)?.collect::<Result<_, _>>()?;
         selected.retain(|entry| entry.change.id.is_some());
         if let Some(last) = last {
-            let first = start_of_runs(&selected, last);
-            selected.drain(..first);
+            selected = of_last_runs(selected, last);
         }
         let partial = self.partial_run(selection, &selected)?;
         let whole =
@@ -205,21 +204,25 @@ impl Memory {
     }
 }
 
-/// Where the changes of the last runs of commands begin.
-fn start_of_runs(entries: &[Entry], last: usize) -> usize {
-    let (mut runs, mut previous, mut start) = (0, None, entries.len());
-    for (nth, entry) in entries.iter().enumerate().rev() {
-        // A change of which no run is known is one by itself.
-        if entry.run.is_none() || previous != Some(entry.run) {
-            runs += 1;
-            previous = Some(entry.run);
-        }
-        if runs > last {
-            break;
-        }
-        start = nth;
-    }
-    start
+/// The changes of the last runs of commands, also where those of other runs are between them.
+fn of_last_runs(entries: Vec<Entry>, last: usize) -> Vec<Entry> {
+    let (mut runs, mut count) = (HashSet::new(), 0);
+    let mut of_these: Vec<Entry> = entries
+        .into_iter()
+        .rev()
+        .filter(|entry| {
+            if entry.run.is_some_and(|run| runs.contains(&run)) {
+                return true;
+            }
+            // A change of which no run is known is one by itself.
+            count += 1;
+            let is_taken = count <= last;
+            runs.extend(entry.run.filter(|_| is_taken));
+            is_taken
+        })
+        .collect();
+    of_these.reverse();
+    of_these
 }
 
 #[cfg(test)]
@@ -228,7 +231,7 @@ mod tests {
 
     use super::*;
     use crate::fault::{AtFault as _, Fault};
-    use crate::store::{HistoryRule, Scope, StoreUri};
+    use crate::store::{Change, HistoryRule, Scope, StoreUri};
 
     #[test]
     fn of_two_that_take_back_the_same_change_one_does() {
@@ -254,5 +257,30 @@ mod tests {
         let planned = other.plan_undo(&selection, Some(1)).unwrap();
         other.undo_unless_changed(&selection, Some(1), &planned).unwrap();
         assert_eq!(one.count(&ns, &doc! {}).unwrap(), 2);
+    }
+
+    #[test]
+    fn runs_are_taken_back_whole_where_others_are_between() {
+        let entry = |n: i32, run| {
+            let change = Change {
+                kind: ChangeKind::Insert,
+                id: Some(n.into()),
+                before: None,
+                after: None,
+                time: DateTime::from_millis(0),
+                position: n.to_string(),
+            };
+            Entry { change, dropped: false, author: None, run, collation: None }
+        };
+        let runs = [Some(1), Some(2), None, Some(2), Some(1), Some(3), Some(1)];
+        let taken = |last| {
+            let entries = (0..).zip(runs).map(|(n, run)| entry(n, run)).collect();
+            of_last_runs(entries, last).into_iter().filter_map(|entry| entry.change.id?.as_i32()).collect::<Vec<_>>()
+        };
+        assert_eq!(taken(0), [0; 0]);
+        assert_eq!(taken(1), [0, 4, 6]);
+        assert_eq!(taken(2), [0, 4, 5, 6]);
+        assert_eq!(taken(3), [0, 1, 3, 4, 5, 6]);
+        assert_eq!(taken(9), [0, 1, 2, 3, 4, 5, 6]);
     }
 }

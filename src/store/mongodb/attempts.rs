@@ -61,7 +61,7 @@ fn has_order(filter: &Document) -> bool {
         Bson::Array(items) => items.iter().filter_map(Bson::as_document).any(has_order),
         _ => false,
     };
-    filter.iter().any(|(name, value)| matches!(name.as_str(), "$near" | "$nearSphere") || within(value))
+    filter.iter().any(|(name, value)| matches!(name.as_str(), "$near" | "$nearSphere" | "$geoNear") || within(value))
 }
 
 #[cfg(test)]
@@ -76,6 +76,7 @@ mod tests {
         for nearest in [
             doc! { "free": true, "at": { "$near": [1, 2] } },
             doc! { "$and": [{ "free": true }, { "at": { "$nearSphere": [1, 2], "$maxDistance": 1 } }] },
+            doc! { "at": { "$geoNear": [1, 2] } },
         ] {
             assert_eq!(choices(&nearest, 9), 1, "{nearest}");
         }

@@ -48,6 +48,14 @@ pub(super) fn is_passing(error: &Error) -> bool {
     }
 }
 
+/// Whether an insert that goes on behind errors left out nothing but documents whose keys are taken.
+pub(super) fn is_of_taken_keys(error: &Error) -> bool {
+    let ErrorKind::InsertMany(many) = error.kind.as_ref() else { return false };
+    let is_taken =
+        |errors: &Vec<_>| errors.iter().all(|error: &mongodb::error::IndexedWriteError| error.code == DUPLICATE);
+    many.write_concern_error.is_none() && many.write_errors.as_ref().is_some_and(is_taken)
+}
+
 /// The server's code, where the error is the server's.
 pub(super) fn code(error: &Error) -> Option<i32> {
     match error.kind.as_ref() {

@@ -185,8 +185,8 @@ impl MongoDb {
             Some(Prediction::Changes) => {
                 let change = with_updated(&plain, at)?;
                 let mut conditions = vec![this, as_it_was(&update.update, &read)?];
-                if attempt < PATIENT && may_be_done_by_others(&plain, 1) {
-                    conditions.push(the_same(request, before)?);
+                if attempt < PATIENT && may_be_done_by_others(&plain) {
+                    conditions.push(the_same(request, update, before)?);
                 }
                 let filter = doc! { "$and": conditions };
                 let changed = self.change_one(ns, Change { filter, ..Change::asked(request, update, change) })?;
@@ -194,7 +194,7 @@ impl MongoDb {
             }
             Some(Prediction::Moves) => {
                 self.check(ns, request, update)?;
-                let shown = self.show(ns, request, this, before, at)?;
+                let shown = self.show(ns, request, (update, this), before, at)?;
                 Ok(shown.map_or(Attempt::Overtaken, |document| Attempt::done(document, false)))
             }
             _ => self.change_and_date(ns, request, update, (plain, before), at),
@@ -211,7 +211,7 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
         let id = id(before)?;
-        let filter = doc! { "$and": [this(request, &id), the_same(request, before)?] };
+        let filter = doc! { "$and": [this(request, &id), the_same(request, update, before)?] };
         let change = Change { filter, ..Change::asked(request, update, plain) };
         // The document may be changed, too, where it cannot be shown.
         let shown = match self.change_one(ns, change) {
@@ -238,7 +238,7 @@ impl MongoDb {
         &self,
         ns: &Namespace,
         request: &FindAndModify,
-        filter: Document,
+        (update, filter): (&UpdateRequest, Document),
         document: &RawDocumentBuf,
         at: DateTime,
     ) -> Result<Option<RawDocumentBuf>, StoreError> {
@@ -249,7 +249,7 @@ impl MongoDb {
         match Shown::parse(request, collation) {
             Ok(shown) if !asks_for_score(&request.projection) => Ok(Some(shown.of(document, at)?)),
             _ => {
-                let filter = doc! { "$and": [filter, the_same(request, document)?] };
+                let filter = doc! { "$and": [filter, the_same(request, update, document)?] };
                 let modifiers = request.modifiers.without_hint();
                 let find = Find { filter, modifiers, ..request.find(request.projection.clone()) };
                 self.find(ns, &find)?.next().transpose()
@@ -345,11 +345,15 @@ fn this(request: &FindAndModify, id: &Bson) -> Document {
 }
 
 /// The condition that a document is as it was read, as far as a command can say that.
-fn the_same(request: &FindAndModify, document: &RawDocumentBuf) -> Result<Document, QueryError> {
+fn the_same(
+    request: &FindAndModify,
+    update: &UpdateRequest,
+    document: &RawDocumentBuf,
+) -> Result<Document, QueryError> {
     if is_positional(&request.projection) {
         return with_the_same_metadata(document);
     }
-    as_read(document)
+    as_read(document, update)
 }
 
 impl<'a> Change<'a> {

@@ -8,15 +8,15 @@
 
 use std::collections::hash_map::Entry::Vacant;
 use std::collections::{HashMap, HashSet};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 use mongodb::sync::Collection;
 
-use super::MongoDb;
 use super::position::HISTORY;
+use super::{MongoDb, failure};
 use crate::query::{QueryError, key};
 use crate::saturate::to_i64;
 use crate::store::history::{Entry, History, HistoryRule, not_kept, too_old};
@@ -29,7 +29,7 @@ const ENTRIES: &str = "rmem.history";
 const BEGINNINGS: &str = "rmem.histories";
 /// The collection of the runs of which changes are not kept any more: `{_id: {ns, run}, at}`.
 const CUT_RUNS: &str = "rmem.cut_runs";
-/// How long one waits for one's own changes to come.
+/// How long one waits for one's own changes while no more of them come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long no change may come until the history counts as read to its end.
 const QUIET_TIME: Duration = Duration::from_millis(300);
@@ -77,6 +77,12 @@ impl MongoDb {
 
     pub(super) fn set_author(&self, author: &str) {
         self.keeping().sign(author);
+    }
+
+    /// The time of a change. Where the history is kept, changes are known by it as this process's: no two have the same.
+    pub(super) fn time_of_change(&self, ns: &Namespace, asked: Option<DateTime>) -> Option<DateTime> {
+        let at = asked?;
+        Some(if self.rule(ns).is_some() { DateTime::from_millis(next_time(at.timestamp_millis())) } else { at })
     }
 
     fn rule(&self, ns: &Namespace) -> Option<HistoryRule> {
@@ -162,14 +168,19 @@ impl MongoDb {
         let mut own = made.filter.clone();
         own.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
         let set = doc! { "$set": { "by": author, "run": run } };
-        let (deadline, mut signed) = (Instant::now() + OWN_TIMEOUT, 0);
-        while signed < made.count && Instant::now() < deadline {
+        let (mut progress, mut signed) = (Instant::now(), 0);
+        while signed < made.count && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            if self.catch_up(ns, rule, Duration::from_millis(50), made.count - signed)? == 0 {
+            let recorded = self.catch_up(ns, rule, Duration::from_millis(50), made.count - signed)?;
+            if recorded == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
             let updated = self.entries(ns).update_many(own.clone(), set.clone()).run();
-            signed += updated.map_err(|e| self.explain(&e))?.modified_count;
+            let more = updated.map_err(|e| self.explain(&e))?.modified_count;
+            signed += more;
+            if recorded + more > 0 {
+                progress = Instant::now();
+            }
         }
         Ok(())
     }
@@ -200,10 +211,11 @@ impl MongoDb {
 
     /// Writes entries, and that they are written.
     fn keep(&self, ns: &Namespace, batch: &mut Vec<Document>, changes: &mut dyn Changes) -> Result<(), StoreError> {
-        for entry in batch.drain(..) {
-            let own = doc! { "_id": entry.get("_id").cloned().unwrap_or(Bson::Null) };
-            let new = doc! { "$setOnInsert": entry };
-            self.entries(ns).update_one(own, new).upsert(true).run().map_err(|e| self.explain(&e))?;
+        if !batch.is_empty() {
+            let kept = self.entries(ns).insert_many(batch.drain(..)).ordered(false).run();
+            // Another process may have recorded some already.
+            kept.map(drop)
+                .or_else(|error| if failure::is_of_taken_keys(&error) { Ok(()) } else { Err(self.explain(&error)) })?;
         }
         changes.done()
     }
@@ -360,6 +372,14 @@ impl MongoDb {
     }
 }
 
+/// A time in milliseconds, from this one on, that was not given before.
+fn next_time(from: i64) -> i64 {
+    static LAST: AtomicI64 = AtomicI64::new(i64::MIN);
+    let next = |last: i64| Some(from.max(last.saturating_add(1)));
+    let last = LAST.fetch_update(Ordering::Relaxed, Ordering::Relaxed, next);
+    next(last.unwrap_or_else(|last| last)).unwrap_or(from)
+}
+
 fn name(ns: &Namespace) -> String {
     format!("{HISTORY}{}", ns.collection)
 }
@@ -414,4 +434,16 @@ fn read(document: &RawDocument) -> Result<Entry, QueryError> {
         position: text("_id").unwrap_or_default(),
     };
     Ok(Entry { change, dropped: false, author: text("by"), run: document.get_i64("run").ok(), collation: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_time;
+
+    #[test]
+    fn no_two_changes_of_a_process_have_the_same_time() {
+        let first = next_time(5_000_000_000_000);
+        let later = [first, first, first - 7, first + 100].map(next_time);
+        assert_eq!(later, [first + 1, first + 2, first + 3, first + 100]);
+    }
 }

@@ -25,6 +25,7 @@ mod prediction;
 mod raw;
 mod server_message;
 mod single_step;
+mod transaction;
 mod unchanged;
 mod update;
 mod validation;
@@ -56,6 +57,8 @@ pub struct MongoDb {
     version: OnceLock<i32>,
     /// Whether documents are stored that do not pass the validator of their collection.
     is_bypassing: Cell<bool>,
+    /// Whether the server has said that it has no transactions.
+    is_without_transactions: Cell<bool>,
     /// Which members have to confirm writes.
     write_policy: write_policy::WritePolicy,
     /// The URI without credentials and options.

@@ -75,7 +75,7 @@ impl MongoDb {
 
 /// Whether what an update gives depends on chance or on the server's clock; a field that is set to the time itself differs from
 /// what it was.
-fn is_uncertain(update: &UpdateSpec, variables: &Document) -> bool {
+pub(super) fn is_uncertain(update: &UpdateSpec, variables: &Document) -> bool {
     fn within(value: &Bson) -> bool {
         match value {
             Bson::Document(fields) => {
@@ -97,7 +97,7 @@ fn is_uncertain(update: &UpdateSpec, variables: &Document) -> bool {
 }
 
 /// Whether an update compares values of the document with others.
-fn compares(request: &UpdateRequest) -> bool {
+pub(super) fn compares(request: &UpdateRequest) -> bool {
     let UpdateSpec::Document(update) = &request.update else { return true };
     let is_comparing = |(operator, fields): (&String, &Bson)| {
         let compares = ["$pull", "$pullAll", "$addToSet", "$min", "$max", "$push"].contains(&operator.as_str());

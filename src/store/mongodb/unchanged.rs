@@ -1,48 +1,45 @@
-//! The condition that documents are as they were read.
+//! The condition that a document is as it was read.
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::{Bson, Document, RawDocumentBuf, doc};
 
-use super::dates::path;
-use super::prediction::Before;
 use crate::query::QueryError;
 use crate::store::metadata::{INFO, INSERTED, UPDATED};
+use crate::store::{UpdateRequest, UpdateSpec};
 
 /// The largest document, in bytes, that is compared as a whole.
 const LARGEST_CONDITION: usize = 1 << 20;
+/// How many bytes there are for the documents of a command, of the 16 MiB that it has, and some for the rest of it.
+const LARGEST_COMMAND: usize = (16 << 20) - (2 << 10);
 
-/// The condition that documents are as they were read: one as a whole; of several, that each was changed last when one of
-/// them was.
-pub(super) fn as_they_were(before: &Before) -> Result<Document, QueryError> {
-    if let [(_, body)] = before.as_slice() {
-        return as_read(body);
-    }
-    let mut last = Vec::with_capacity(before.len());
-    for (_, body) in before {
-        last.push(updated(body)?.map_or(Bson::Null, Bson::from));
-    }
-    last.dedup();
-    Ok(doc! { path(UPDATED): { "$in": last } })
-}
-
-/// The condition that a document is as it was read, as far as a command can say that.
-pub(super) fn as_read(document: &RawDocumentBuf) -> Result<Document, QueryError> {
+/// The condition that a document is as it was read, as far as a command can say that beside the request.
+pub(super) fn as_read(document: &RawDocumentBuf, request: &UpdateRequest) -> Result<Document, QueryError> {
     let known = Document::try_from(&**document)?;
-    // One with a field twice cannot be written as an expression, and a large one not beside the update.
-    if document.as_bytes().len() > LARGEST_CONDITION || RawDocumentBuf::try_from(&known)? != *document {
+    let room = LARGEST_COMMAND.saturating_sub(size(request)?);
+    // One with a field twice cannot be written as an expression.
+    if document.as_bytes().len() > LARGEST_CONDITION.min(room) || RawDocumentBuf::try_from(&known)? != *document {
         return with_the_same_metadata(document);
     }
     Ok(doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } })
+}
+
+/// How many bytes a request has without the names of its parts.
+fn size(request: &UpdateRequest) -> Result<usize, QueryError> {
+    let UpdateRequest { filter, update, array_filters, .. } = request;
+    let documents = match update {
+        UpdateSpec::Document(document) => std::slice::from_ref(document),
+        UpdateSpec::Pipeline(stages) => stages,
+    };
+    let mut size = 0;
+    for document in documents.iter().chain(array_filters).chain([filter]) {
+        size += RawDocumentBuf::try_from(document)?.as_bytes().len();
+    }
+    Ok(size)
 }
 
 /// The condition that the metadata of a document are those that were read: rmem writes a date wherever it changes something.
 pub(super) fn with_the_same_metadata(document: &RawDocumentBuf) -> Result<Document, QueryError> {
     let info = document.get(INFO)?.map(Bson::try_from).transpose()?;
     Ok(info.map_or_else(|| doc! { INFO: { "$exists": false } }, |info| doc! { INFO: { "$eq": info } }))
-}
-
-/// When a document was changed last.
-pub(super) fn updated(document: &RawDocumentBuf) -> Result<Option<DateTime>, QueryError> {
-    Ok(dates(document)?.get_datetime(UPDATED).ok().copied())
 }
 
 /// The dates of a document.

@@ -3,16 +3,18 @@
 //! The server has no update that sets a field only where another field changes. Where one request cannot carry both
 //! (`single_step`), the matching documents are read first, from the primary since other members may be behind it,
 //! and rmem predicts which of them the update changes.
-//! The server updates those with their metadata in the same step, and the others without,
-//! since another client may have changed them meanwhile. Each document is changed in one
-//! atomic step, and no update of another client is lost. Only where nothing can be
-//! predicted, or where the server changes a document that was to stay the same, is the
-//! metadata written in a second step. (Metadata in every update would report documents as
-//! changed that are not; a change computed here would not be the server's.)
+//! The server updates those with their metadata in the same step, and the others without. (Metadata in every update would
+//! report documents as changed that are not; a change computed here would not be the server's.)
 //!
-//! An upsert that inserts writes its metadata in the same step.
+//! Many documents are read and updated in a transaction, in parts: no other client changes them in between. Where others
+//! are always faster, or a document is refused, each is updated by itself, if it is as it was read. A server without
+//! transactions updates those that still match. Only where nothing can be
+//! predicted, or where the server changes a document that was to stay the same, is the
+//! metadata written in a second step.
+//!
+//! An upsert inserts the document that rmem makes, with its metadata, where the server finds nothing, too.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 
@@ -20,26 +22,36 @@ use super::MongoDb;
 use super::attempts::{any_of, choices};
 use super::dates::{add_field, inserted, path};
 use super::named::{self, none_of};
-use super::prediction::{Before, Prediction, predict};
+use super::prediction::{Before, Prediction, compares, is_uncertain, predict};
 use super::single_step::{self, Meaning, Single};
-use super::unchanged::{as_they_were, dates, updated};
+use super::transaction::{Ended, Transaction, Tried};
+use super::unchanged::{as_read, dates};
 use crate::interrupt::stops_work;
-use crate::query::{Collation, QueryError, check_upsert, key};
+use crate::query::collation::during;
+use crate::query::{Collation, QueryError, check_upsert, constants, key};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
-use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
+use crate::store::{Find, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
-/// The same with a collation, where each is named by a longer condition.
+/// The same where each is named by a longer condition, with a collation.
 const CHUNK_WITH_COLLATION: usize = 100;
 /// About how many bytes of `_id`s one command names. With a collation each is named five times.
 const CHUNK_BYTES: usize = 2 << 20;
+/// About how many bytes of documents are read and updated by one command.
+const CHUNK_READ: usize = 48 << 20;
 
-/// MongoDB's code for a query that asks for two values of one field: `NotSingleValueField`.
-const NOT_SINGLE_VALUED: i32 = 54;
-/// The same for a field that has no name: `IllegalOperation`.
-const WRONG_FIELD: i32 = 20;
+/// What came of an attempt to update some documents in a transaction.
+enum Part {
+    Done(Updated),
+    /// They are too many, or too large, to be read at once.
+    TooLarge,
+    /// Others were always faster, or one of the documents cannot be updated.
+    OneByOne,
+    /// The server has no transactions for them.
+    Unable,
+}
 
 /// An update of documents that are read before.
 struct Work<'a> {
@@ -69,29 +81,50 @@ impl MongoDb {
             if done.matched > 0 || !request.upsert {
                 return Ok(Some(done));
             }
-            let upsert = UpdateRequest { update: with_metadata_of(&request.update, at)?, ..request.clone() };
-            let done = match self.apply(ns, upsert) {
-                // As a pipeline, with which the server would take all that the query asks for.
-                Err(StoreError::Query(error)) if is_refused_query(&error) && replaces(&request.update) => {
-                    self.insert_replacement(ns, request, at)
-                }
-                done => done,
-            };
-            match done {
-                // Another client has just inserted what is to be changed.
+            match self.upsert(ns, request, at) {
                 Err(StoreError::Duplicate { .. }) if self.matches(ns, request)? => Ok(None),
-                done => done.map(Some),
+                done => done,
             }
         })
     }
 
-    /// Inserts a replacement that nothing matched, with the `_id` of the query.
-    fn insert_replacement(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Updated, StoreError> {
-        let made = request.update.compile(&request.array_filters, &Document::new())?.upsert(&request.filter, at)?;
-        let made = Document::try_from(&*metadata::upsert(&made, at)?).map_err(QueryError::from)?;
+    /// Inserts what filter and update describe, with its metadata; nothing where another client has just inserted a match.
+    fn upsert(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Option<Updated>, StoreError> {
+        let Some(made) = self.made(ns, request, at)? else {
+            // Only the server can make it, and dates a match that it finds now.
+            let update = with_metadata_of(&request.update, at)?;
+            return self.apply(ns, UpdateRequest { update, ..request.clone() }).map(Some);
+        };
+        let is_path = |name: &String| name.is_empty() || name.starts_with('$') || name.contains('.');
+        if matches!(&request.update, UpdateSpec::Document(update) if !is_replacement(update))
+            && !made.keys().any(is_path)
+        {
+            // A match that is there now stays as it is.
+            let update = UpdateSpec::Document(doc! { "$setOnInsert": made });
+            let done = self.apply(ns, UpdateRequest { update, array_filters: Vec::new(), ..request.clone() })?;
+            return Ok((done.matched == 0).then_some(done));
+        }
         let upserted = made.get("_id").cloned();
         self.insert_all(ns, vec![made])?;
-        Ok(Updated { upserted, ..Updated::default() })
+        Ok(Some(Updated { upserted, ..Updated::default() }))
+    }
+
+    /// The document that an upsert inserts; nothing where only the server can make it, or refuse to.
+    fn made(&self, ns: &Namespace, request: &UpdateRequest, at: DateTime) -> Result<Option<Document>, StoreError> {
+        if is_uncertain(&request.update, &request.modifiers.variables) {
+            return Ok(None);
+        }
+        let collation = self.comparing(ns, request)?;
+        let made = during(collation.as_ref(), || {
+            let constants = constants(&request.modifiers.variables)?;
+            let update = request.update.compile(&request.array_filters, &constants)?;
+            Document::try_from(&*metadata::upsert(&*update.upsert(&request.filter, at)?, at)?).map_err(QueryError::from)
+        });
+        match made {
+            // The server would be asked by a pipeline, with which it refuses other queries.
+            Err(mistake) if replaces(&request.update) => Err(mistake.into()),
+            made => Ok(made.ok()),
+        }
     }
 
     /// Whether there is anything to be updated.
@@ -146,34 +179,160 @@ impl MongoDb {
     }
 
     fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
-        let Work { ns, request, at, .. } = *work;
-        let collation = request.modifiers.collation.as_ref();
-        let most = match collation {
-            _ if makes_new_documents(&request.update) => 1,
-            Some(_) => CHUNK_WITH_COLLATION,
-            None => CHUNK,
+        let Work { ns, request, .. } = *work;
+        let each = makes_new_documents(&request.update);
+        if !each && let Part::Done(done) = self.update_part(work, None)? {
+            return Ok(done);
+        }
+        let most = match &request.modifiers.collation {
+            Some(_) if compares(request) => CHUNK_WITH_COLLATION,
+            _ => CHUNK,
         };
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
         let find = Find { projection: doc! { "_id": 1 }, ..matching(request, request.filter.clone(), 0) };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
+        let mut parts = chunks(&matches, most);
+        parts.reverse();
         let mut done = Updated::default();
-        for ids in chunks(&matches, most) {
+        while let Some(ids) = parts.pop() {
             if stops_work() {
                 return Err(StoreError::Interrupted { done: done.modified });
             }
-            let filter = doc! { "$and": [request.filter.clone(), named::among(ids, collation)] };
-            let mut before = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
-            // By `_id`s they come in another order, and where one cannot be changed, those before it are.
-            let places: HashMap<Vec<u8>, usize> =
-                ids.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
-            before.sort_by_key(|(id, _)| places.get(&key::encode_value(id)).copied());
-            if !before.is_empty() {
-                let chunk = self.update_chunk(work, before);
-                let chunk = chunk.map_err(|error| self.counted(ns, error, (ids, at), done.modified))?;
-                add(&mut done, &chunk);
+            let part = if each {
+                Part::OneByOne
+            } else {
+                self.update_part(work, Some(ids)).map_err(|e| e.after(done.modified))?
+            };
+            match part {
+                Part::Done(more) => add(&mut done, &more),
+                Part::TooLarge => {
+                    let (first, second) = ids.split_at(ids.len() / 2);
+                    parts.extend([second, first].into_iter().filter(|ids| !ids.is_empty()));
+                }
+                Part::OneByOne => self.update_one_by_one(work, ids, &mut done)?,
+                Part::Unable => self.update_what_matches(work, ids, &mut done)?,
             }
         }
         Ok(done)
+    }
+
+    /// Updates some of the matches in a transaction; without `_id`s, all of them if they are few.
+    fn update_part(&self, work: &Work<'_>, ids: Option<&[Bson]>) -> Result<Part, StoreError> {
+        let Work { ns, request, .. } = *work;
+        let find = match ids {
+            None => matching(request, request.filter.clone(), CHUNK as u64 + 1),
+            Some(ids) => {
+                let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
+                let modifiers = request.modifiers.without_hint();
+                Find { modifiers, ..matching(request, these, 0) }
+            }
+        };
+        // With a collation, texts that differ may be equal.
+        let known = ids.filter(|_| request.modifiers.collation.is_some());
+        let known = known.map(|ids| ids.iter().map(key::encode_value).collect::<HashSet<_>>());
+        let tried = self.in_transaction(ns, |transaction| {
+            let Some(mut matches) = transaction.read(&find, CHUNK_READ)? else { return Ok(Part::TooLarge) };
+            if ids.is_none() && matches.len() > CHUNK {
+                return Ok(Part::TooLarge);
+            }
+            if let Some(known) = &known {
+                matches.retain(|(id, _)| known.contains(&key::encode_value(id)));
+            }
+            if matches.is_empty() {
+                return Ok(Part::Done(Updated::default()));
+            }
+            Ok(self.update_in(transaction, work, matches)?.map_or(Part::OneByOne, Part::Done))
+        });
+        match tried {
+            Ok(Tried::Done(part)) => Ok(part),
+            Ok(Tried::Overtaken) => Ok(Part::OneByOne),
+            Ok(Tried::Unable) => Ok(Part::Unable),
+            // Those before the one that is refused are updated.
+            Err(error) if error.is_of_document() => Ok(Part::OneByOne),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Updates documents in the transaction in which they were read; nothing where one of them cannot be updated.
+    fn update_in(
+        &self,
+        transaction: &mut Transaction<'_>,
+        work: &Work<'_>,
+        before: Before,
+    ) -> Result<Option<Updated>, Ended> {
+        let Work { request, at, .. } = *work;
+        let matched = before.len() as u64;
+        let plain = without_metadata(&request.update, &before, at)?;
+        let (changing, rest) = match predict(&plain, request, work.collation.as_ref(), &before, at) {
+            None => (Before::new(), before),
+            Some(predictions) if predictions.contains(&Prediction::Fails) => return Ok(None),
+            Some(predictions) => {
+                let (mut changing, mut rest) = (Before::new(), Before::new());
+                for (document, prediction) in before.into_iter().zip(predictions) {
+                    match prediction {
+                        Prediction::Changes => changing.push(document),
+                        // The server would count it.
+                        Prediction::Moves => {}
+                        Prediction::Stays | Prediction::Fails => rest.push(document),
+                    }
+                }
+                (changing, rest)
+            }
+        };
+        let mut modified = 0;
+        if !changing.is_empty() {
+            modified += transaction.update(of_these(request, with_updated(&plain, at)?, &changing))?.modified;
+        }
+        if !rest.is_empty() {
+            let more = transaction.update(of_these(request, plain, &rest))?.modified;
+            if more > 0 {
+                let find = Find { filter: named::among(&ids(&rest), None), ..Find::default() };
+                let after = transaction.read(&find, usize::MAX)?.unwrap_or_default();
+                transaction.update(dating(changed(&rest, after), at))?;
+            }
+            modified += more;
+        }
+        Ok(Some(Updated { matched, modified, upserted: None }))
+    }
+
+    /// Updates these documents, those that still match, each by itself.
+    fn update_one_by_one(&self, work: &Work<'_>, these: &[Bson], done: &mut Updated) -> Result<(), StoreError> {
+        let Work { ns, request, .. } = *work;
+        for id in these {
+            if stops_work() {
+                return Err(StoreError::Interrupted { done: done.modified });
+            }
+            let filter =
+                doc! { "$and": [request.filter.clone(), named::exactly(id, request.modifiers.collation.as_ref())] };
+            let find = matching(request, filter, 1);
+            let one = self.in_attempts(|_| {
+                let before = with_ids(self.find(ns, &find)?)?;
+                if before.is_empty() {
+                    return Ok(Some(Updated::default()));
+                }
+                let done = self.update_chunk(work, before)?;
+                Ok((done.matched > 0).then_some(done))
+            });
+            add(done, &one.map_err(|error| error.after(done.modified))?);
+        }
+        Ok(())
+    }
+
+    /// Updates those of these documents that still match, on a server without transactions.
+    fn update_what_matches(&self, work: &Work<'_>, these: &[Bson], done: &mut Updated) -> Result<(), StoreError> {
+        let Work { ns, request, at, .. } = *work;
+        let filter =
+            doc! { "$and": [request.filter.clone(), named::among(these, request.modifiers.collation.as_ref())] };
+        let mut before = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
+        // By `_id`s they come in another order, and where one cannot be changed, those before it are.
+        let places: HashMap<Vec<u8>, usize> =
+            these.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
+        before.sort_by_cached_key(|(id, _)| places.get(&key::encode_value(id)).copied());
+        if !before.is_empty() {
+            let more = self.update_chunk(work, before);
+            add(done, &more.map_err(|error| self.counted(ns, error, (these, at), done.modified))?);
+        }
+        Ok(())
     }
 
     /// The error of an update that failed at one of these documents, after it had changed so many others. The server does not
@@ -213,13 +372,17 @@ impl MongoDb {
         let mut done = Updated { matched: moved, ..Updated::default() };
         if !changing.is_empty() {
             let mut asked = among(request, with_updated(&plain, at)?, &changing)?;
-            let may_stay = may_be_done_by_others(&plain, changing.len());
-            if may_stay {
-                asked.filter = doc! { "$and": [asked.filter, as_they_were(&changing)?] };
+            let single = match changing.as_slice() {
+                [(_, body)] if may_be_done_by_others(&plain) => Some(body),
+                _ => None,
+            };
+            if let Some(body) = single {
+                let unchanged = as_read(body, &asked)?;
+                asked.filter = doc! { "$and": [asked.filter, unchanged] };
             }
             let sent = self.apply(ns, asked)?;
             add(&mut done, &sent);
-            if may_stay && sent.matched < changing.len() as u64 {
+            if single.is_some() && sent.matched == 0 {
                 add(&mut done, &self.update_changed_by_others(work, &changing)?);
             }
         }
@@ -229,28 +392,17 @@ impl MongoDb {
         Ok(done)
     }
 
-    /// Updates documents of which others changed some meanwhile, which may have what the update gives already. To several it is
-    /// done once more where it was done.
-    fn update_changed_by_others(&self, work: &Work<'_>, these: &Before) -> Result<Updated, StoreError> {
+    /// Updates a document that others changed meanwhile, which may have what the update gives already.
+    fn update_changed_by_others(&self, work: &Work<'_>, this: &Before) -> Result<Updated, StoreError> {
         let Work { ns, request, at, .. } = *work;
-        let is_one = these.len() == 1;
-        let these = named::among(&ids(these), request.modifiers.collation.as_ref());
-        let filter = doc! { "$and": [request.filter.clone(), these] };
+        let this = named::among(&ids(this), request.modifiers.collation.as_ref());
+        let filter = doc! { "$and": [request.filter.clone(), this] };
         let left = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
         if left.is_empty() {
             return Ok(Updated::default());
         }
         let plain = without_metadata(&request.update, &left, at)?;
-        let done = self.update_then_metadata(ns, request, plain, &left, at)?;
-        if is_one {
-            return Ok(done);
-        }
-        // What has the date of this update was counted before.
-        let mut matched = 0;
-        for (_, body) in &left {
-            matched += u64::from(updated(body)? != Some(at));
-        }
-        Ok(Updated { matched, ..done })
+        self.update_then_metadata(ns, request, plain, &left, at)
     }
 
     /// Updates those of the documents that still match, and then writes the metadata of those
@@ -268,11 +420,12 @@ impl MongoDb {
         let changed = match &done {
             Ok(done) if done.modified == 0 => return Ok(done.clone()),
             Ok(done) if done.modified == ids.len() as u64 => ids,
-            _ => self.different(ns, named::among(&ids, None), before)?,
+            _ => {
+                let find = Find { filter: named::among(&ids, None), current: true, ..Find::default() };
+                changed(before, with_ids(self.find(ns, &find)?)?)
+            }
         };
-        let set = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
-        let filter = doc! { "_id": { "$in": changed } };
-        let dates = UpdateRequest { filter, update: set, many: true, ..UpdateRequest::default() };
+        let dates = dating(changed, at);
         // The driver retries no update of many documents; the same dates may be set again.
         let is_unconfirmed = matches!(done, Err(StoreError::Unconfirmed { .. }));
         let waited = is_unconfirmed.then(|| self.without_majority());
@@ -283,16 +436,34 @@ impl MongoDb {
         };
         done
     }
+}
 
-    /// The `_id`s of the documents that are not as they were.
-    fn different(&self, ns: &Namespace, these: Document, before: &Before) -> Result<Vec<Bson>, StoreError> {
-        let after = with_ids(self.find(ns, &Find { filter: these, current: true, ..Find::default() })?)?;
-        let known: HashMap<Vec<u8>, &RawDocumentBuf> =
-            before.iter().map(|(id, body)| (key::encode_value(id), body)).collect();
-        let is_new =
-            |(id, body): &(Bson, RawDocumentBuf)| known.get(&key::encode_value(id)).is_none_or(|old| *old != body);
-        Ok(after.into_iter().filter(is_new).map(|(id, _)| id).collect())
-    }
+/// The `_id`s of the documents that are not as they were.
+fn changed(before: &Before, after: Before) -> Vec<Bson> {
+    let known: HashMap<Vec<u8>, &RawDocumentBuf> =
+        before.iter().map(|(id, body)| (key::encode_value(id), body)).collect();
+    let is_new = |(id, body): &(Bson, RawDocumentBuf)| known.get(&key::encode_value(id)).is_none_or(|old| *old != body);
+    after.into_iter().filter(is_new).map(|(id, _)| id).collect()
+}
+
+/// The request that writes the date of a change.
+fn dating(changed: Vec<Bson>, at: DateTime) -> UpdateRequest {
+    let update = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
+    UpdateRequest { filter: named::among(&changed, None), update, many: true, ..UpdateRequest::default() }
+}
+
+/// The request for documents that are as they were read. What does not compare needs neither filter nor collation, with which
+/// a document is not found by its `_id`.
+fn of_these(request: &UpdateRequest, update: UpdateSpec, these: &Before) -> UpdateRequest {
+    let modifiers = request.modifiers.without_hint();
+    let (filter, modifiers) = match compares(request) {
+        true => {
+            let these = named::among(&ids(these), request.modifiers.collation.as_ref());
+            (doc! { "$and": [request.filter.clone(), these] }, modifiers)
+        }
+        false => (named::among(&ids(these), None), Modifiers { collation: None, ..modifiers }),
+    };
+    UpdateRequest { filter, update, upsert: false, modifiers, ..request.clone() }
 }
 
 /// The query for matches of an update, at most so many (0 for all), by another filter.
@@ -380,11 +551,6 @@ pub(super) fn replaces(update: &UpdateSpec) -> bool {
     matches!(update, UpdateSpec::Document(document) if is_replacement(document))
 }
 
-/// Whether the server refused an upsert because of the fields that its query asks for: two for one path, or one with a wrong name.
-fn is_refused_query(error: &QueryError) -> bool {
-    [NOT_SINGLE_VALUED, WRONG_FIELD].contains(&error.code)
-}
-
 /// Whether a pipeline may give documents without what they had.
 fn makes_new_documents(update: &UpdateSpec) -> bool {
     let UpdateSpec::Pipeline(stages) = update else { return false };
@@ -435,21 +601,19 @@ pub(super) fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document
     }
 }
 
-/// Whether an update that changes documents as they were read may find some of them, at most so many, as it would leave them:
-/// another client may have done the same. To several it has to be one that may be done twice.
-pub(super) fn may_be_done_by_others(update: &UpdateSpec, documents: usize) -> bool {
-    let UpdateSpec::Document(document) = update else { return documents == 1 };
+/// Whether an update that changes a document as it was read may find it as it would leave it: another client may have done
+/// the same.
+pub(super) fn may_be_done_by_others(update: &UpdateSpec) -> bool {
+    let UpdateSpec::Document(document) = update else { return true };
     let cuts = |fields: &Bson| {
         let mut each = fields.as_document().into_iter().flat_map(Document::values).filter_map(Bson::as_document);
         each.any(|modifiers| modifiers.contains_key("$slice"))
     };
-    let always_changes = document.iter().any(|(operator, fields)| match operator.as_str() {
+    !document.iter().any(|(operator, fields)| match operator.as_str() {
         "$inc" | "$currentDate" => true,
         "$push" => !cuts(fields),
         _ => false,
-    });
-    let once_is_enough = ["$set", "$unset", "$addToSet", "$pull", "$pullAll", "$min", "$max", "$setOnInsert"];
-    !always_changes && (documents == 1 || document.keys().all(|operator| once_is_enough.contains(&operator.as_str())))
+    })
 }
 
 /// A replacement without its metadata, and the application's part of the metadata.
@@ -513,19 +677,20 @@ mod tests {
 
     #[test]
     fn only_what_may_be_there_already_is_looked_at() {
-        let may = |update: Document, documents| may_be_done_by_others(&UpdateSpec::Document(update), documents);
-        for update in [doc! { "$addToSet": { "l": 1 } }, doc! { "$max": { "n": 1 }, "$set": { "a.b": 1 } }] {
-            assert!(may(update.clone(), 1) && may(update, 9));
-        }
-        for update in
-            [doc! { "n": 1 }, doc! { "$pop": { "l": 1 } }, doc! { "$push": { "l": { "$each": [1], "$slice": 1 } } }]
-        {
-            assert!(may(update.clone(), 1) && !may(update, 2));
+        let may = |update: Document| may_be_done_by_others(&UpdateSpec::Document(update));
+        for update in [
+            doc! { "$addToSet": { "l": 1 } },
+            doc! { "$max": { "n": 1 }, "$set": { "a.b": 1 } },
+            doc! { "n": 1 },
+            doc! { "$pop": { "l": 1 } },
+            doc! { "$push": { "l": { "$each": [1], "$slice": 1 } } },
+        ] {
+            assert!(may(update.clone()), "{update}");
         }
         for update in [doc! { "$inc": { "n": 1 } }, doc! { "$set": { "a.b": 1 }, "$push": { "l": { "$each": [1] } } }] {
-            assert!(!may(update.clone(), 1) && !may(update, 9));
+            assert!(!may(update.clone()), "{update}");
         }
         let pipeline = UpdateSpec::Pipeline(vec![doc! { "$set": { "n": 1 } }]);
-        assert!(may_be_done_by_others(&pipeline, 1) && !may_be_done_by_others(&pipeline, 2));
+        assert!(may_be_done_by_others(&pipeline));
     }
 }

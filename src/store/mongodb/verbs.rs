@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
+use mongodb::sync::ClientSession;
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
@@ -30,6 +31,7 @@ impl Store for MongoDb {
     }
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
+        let timestamp = self.time_of_change(ns, timestamp);
         let done = Cell::new(Put::default());
         let made = |put: Result<&Put, &StoreError>| {
             let stored = put.err().map_or(0, |error| error.stored().len() as u64);
@@ -119,6 +121,7 @@ impl Store for MongoDb {
         update: &UpdateRequest,
         timestamp: Option<DateTime>,
     ) -> Result<Updated, StoreError> {
+        let timestamp = self.time_of_change(ns, timestamp);
         let count = |updated: &Updated| updated.modified + u64::from(updated.upserted.is_some());
         let made =
             |done: Result<&Updated, &StoreError>| Made::dated(done.map_or_else(changed_before, count), timestamp);
@@ -131,6 +134,7 @@ impl Store for MongoDb {
         request: &FindAndModify,
         timestamp: Option<DateTime>,
     ) -> Result<Modified, StoreError> {
+        let timestamp = self.time_of_change(ns, timestamp);
         let made = |done: Result<&Modified, &StoreError>| {
             let count = done.map_or(0, |done| u64::from(done.is_changed));
             match request.modification {
@@ -461,15 +465,29 @@ impl MongoDb {
 
     /// Updates in the server's own way.
     pub(super) fn apply(&self, ns: &Namespace, request: UpdateRequest) -> Result<Updated, StoreError> {
+        self.asked(ns, request, None)?.map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+
+    /// The same, with the driver's error; in a transaction, where there is one.
+    pub(super) fn asked(
+        &self,
+        ns: &Namespace,
+        request: UpdateRequest,
+        session: Option<&mut ClientSession>,
+    ) -> Result<mongodb::error::Result<Updated>, QueryError> {
         let UpdateRequest { filter, update, array_filters, many, upsert, modifiers } = request;
         let asked = Asked { filter, many, upsert, modifiers: &modifiers };
         let changed = match update {
-            UpdateSpec::Document(document) if is_replacement(&document) => self.replace(ns, asked, &document)?,
-            UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters)?,
-            UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters)?,
+            UpdateSpec::Document(document) if is_replacement(&document) => {
+                self.replace(ns, asked, &document, session)?
+            }
+            UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters, session)?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters, session)?,
         };
-        let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
-        Ok(Updated { matched, modified, upserted })
+        Ok(changed.map(|changed| {
+            let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
+            Updated { matched, modified, upserted }
+        }))
     }
 
     fn modify(
@@ -478,7 +496,8 @@ impl MongoDb {
         asked: Asked<'_>,
         changes: UpdateModifications,
         array_filters: Vec<Document>,
-    ) -> Result<UpdateResult, StoreError> {
+        session: Option<&mut ClientSession>,
+    ) -> Result<mongodb::error::Result<UpdateResult>, QueryError> {
         let collection = self.collection(ns);
         let mut action = match asked.many {
             true => collection.update_many(asked.filter, changes),
@@ -488,20 +507,30 @@ impl MongoDb {
         if !array_filters.is_empty() {
             action = action.array_filters(array_filters);
         }
-        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
+        if let Some(session) = session {
+            action = action.session(session);
+        }
+        Ok(action.upsert(asked.upsert).run())
     }
 
-    fn replace(&self, ns: &Namespace, asked: Asked<'_>, replacement: &Document) -> Result<UpdateResult, StoreError> {
+    fn replace(
+        &self,
+        ns: &Namespace,
+        asked: Asked<'_>,
+        replacement: &Document,
+        session: Option<&mut ClientSession>,
+    ) -> Result<mongodb::error::Result<UpdateResult>, QueryError> {
         if asked.many {
-            return Err(
-                QueryError::failed_to_parse("a replacement document cannot be applied to many documents").into()
-            );
+            return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
         }
-        let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
+        let body = RawDocumentBuf::try_from(replacement)?;
         let collection = self.collection(ns);
         let action = collection.replace_one(asked.filter, body);
-        let action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
-        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
+        let mut action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
+        if let Some(session) = session {
+            action = action.session(session);
+        }
+        Ok(action.upsert(asked.upsert).run())
     }
 }
 

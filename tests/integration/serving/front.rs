@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bson::{Document, doc};
 use libtest_mimic::Failed;
@@ -22,6 +23,9 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::each_client_gets_another_number", numbered),
     ("serving::in_front_of_mongod::clients_that_change_the_same_documents_all_get_done", crowded),
     ("serving::in_front_of_mongod::of_clients_that_do_the_same_one_did_it", claimed),
+    ("serving::in_front_of_mongod::an_update_of_many_changes_each_once_beside_others", once_each),
+    ("serving::in_front_of_mongod::an_upsert_that_others_were_faster_with_changes_nothing", upserted),
+    ("serving::in_front_of_mongod::each_client_signs_what_it_changed", signed),
     ("serving::in_front_of_mongod::each_client_takes_the_nearest", nearest),
     ("serving::in_front_of_mongod::ids_that_are_equal_under_a_collation_are_told_apart", equal_ids),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
@@ -254,6 +258,89 @@ fn claimed(mongod: &str) -> Result<(), Failed> {
         assert_eq!(at_once(CLIENTS, claim)?.into_iter().sum::<u64>(), 1, "{update}");
     }
     database.drop().run()?;
+    Ok(())
+}
+
+fn once_each(mongod: &str) -> Result<(), Failed> {
+    const COUNT: i32 = 60;
+    let (_folder, served, database) = emptied(mongod, "once_each")?;
+    let tables = database.collection::<Document>("tables");
+    tables.insert_many((0..COUNT).map(|id| doc! { "_id": id, "l": [{ "x": 0 }, { "x": 0 }, { "x": 0 }] })).run()?;
+    let is_done = AtomicBool::new(false);
+    let change = |client: i32| -> Result<(), Failed> {
+        let tables = served.client()?.database("once_each").collection::<Document>("tables");
+        if client > 0 {
+            for id in (0..COUNT).cycle() {
+                if is_done.load(Ordering::Relaxed) {
+                    break;
+                }
+                tables.update_one(doc! { "_id": id }, doc! { "$inc": { "n": 1 } }).run()?;
+            }
+            return Ok(());
+        }
+        let work = (0..3).try_for_each(|_| {
+            let set = doc! { "$set": { "l.$.x": 1 }, "$addToSet": { "l.$.by": client } };
+            let done = tables.update_many(doc! { "l.x": 0 }, set).run()?;
+            assert_eq!((done.matched_count, done.modified_count), (60, 60));
+            Ok(())
+        });
+        is_done.store(true, Ordering::Relaxed);
+        work
+    };
+    at_once(3, change)?;
+    assert_eq!(tables.count_documents(doc! { "l.x": 0 }).run()?, 0);
+    database.drop().run()?;
+    Ok(())
+}
+
+fn upserted(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 8;
+    let (_folder, served, database) = emptied(mongod, "upserted")?;
+    let updates =
+        [doc! { "$setOnInsert": { "n": 1 } }, doc! { "$addToSet": { "l": 1 } }, doc! { "$set": { "a.b": 1 } }];
+    for (round, update) in (0..).zip(updates.iter().cycle().take(12)) {
+        let upsert = |_| -> Result<(u64, u64), Failed> {
+            let tables = served.client()?.database("upserted").collection::<Document>("tables");
+            let done = tables.update_one(doc! { "_id": round }, update.clone()).upsert(true).run()?;
+            Ok((done.modified_count, u64::from(done.upserted_id.is_some())))
+        };
+        let (modified, inserted): (Vec<_>, Vec<_>) = at_once(CLIENTS, upsert)?.into_iter().unzip();
+        assert_eq!((modified.iter().sum::<u64>(), inserted.iter().sum::<u64>()), (0, 1), "{update}");
+    }
+    database.drop().run()?;
+    Ok(())
+}
+
+fn signed(mongod: &str) -> Result<(), Failed> {
+    const CLIENTS: i32 = 4;
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("rmem.toml"), "keep_history = '1h'\n")?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let behind = Client::with_uri_str(mongod)?.database("signed");
+    behind.drop().run()?;
+    let things = served.client()?.database("signed").collection::<Document>("c");
+    things.insert_many((0..CLIENTS).map(|id| doc! { "_id": id, "n": 0 })).run()?;
+    let together = std::sync::Barrier::new(usize::try_from(CLIENTS)?);
+    let change = |client: i32| -> Result<(), Failed> {
+        let things = served.client()?.database("signed").collection::<Document>("c");
+        for _ in 0..6 {
+            together.wait();
+            things.update_one(doc! { "_id": client }, doc! { "$inc": { "n": 1 } }).run()?;
+        }
+        Ok(())
+    };
+    at_once(CLIENTS, change)?;
+    let entries = behind.collection::<Document>("rmem.history");
+    let runs = [
+        doc! { "$match": { "operation": "update" } },
+        doc! { "$group": { "_id": "$run", "documents": { "$addToSet": "$document" }, "count": { "$sum": 1 } } },
+    ];
+    for run in entries.aggregate(runs).run()? {
+        let run = run?;
+        assert!(run.get_i64("_id").is_ok() && run.get_array("documents")?.len() == 1, "{run}");
+    }
+    assert_eq!(entries.count_documents(doc! { "operation": "update" }).run()?, 24);
+    behind.drop().run()?;
     Ok(())
 }
 
