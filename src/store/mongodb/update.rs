@@ -42,6 +42,15 @@ const CHUNK_BYTES: usize = 2 << 20;
 /// About how many bytes of documents are read and updated by one command.
 const CHUNK_READ: usize = 48 << 20;
 
+/// Which of the matches are updated.
+#[derive(Clone, Copy)]
+enum Which<'i> {
+    /// All, if they are so many at most.
+    All { most: usize },
+    /// Those with these `_id`s.
+    These(&'i [Bson]),
+}
+
 /// What came of an attempt to update some documents in a transaction.
 enum Part {
     Done(Updated),
@@ -181,13 +190,13 @@ impl MongoDb {
     fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
         let Work { ns, request, .. } = *work;
         let each = makes_new_documents(&request.update);
-        if !each && let Part::Done(done) = self.update_part(work, None)? {
-            return Ok(done);
-        }
         let most = match &request.modifiers.collation {
             Some(_) if compares(request) => CHUNK_WITH_COLLATION,
             _ => CHUNK,
         };
+        if !each && let Part::Done(done) = self.update_part(work, Which::All { most })? {
+            return Ok(done);
+        }
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
         let find = Find { projection: doc! { "_id": 1 }, ..matching(request, request.filter.clone(), 0) };
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
@@ -201,38 +210,42 @@ impl MongoDb {
             let part = if each {
                 Part::OneByOne
             } else {
-                self.update_part(work, Some(ids)).map_err(|e| e.after(done.modified))?
+                self.update_part(work, Which::These(ids)).map_err(|e| e.after(done.modified))?
             };
             match part {
                 Part::Done(more) => add(&mut done, &more),
-                Part::TooLarge => {
+                Part::TooLarge if ids.len() > 1 => {
                     let (first, second) = ids.split_at(ids.len() / 2);
-                    parts.extend([second, first].into_iter().filter(|ids| !ids.is_empty()));
+                    parts.extend([second, first]);
                 }
-                Part::OneByOne => self.update_one_by_one(work, ids, &mut done)?,
+                Part::TooLarge | Part::OneByOne => self.update_one_by_one(work, ids, &mut done)?,
                 Part::Unable => self.update_what_matches(work, ids, &mut done)?,
             }
         }
         Ok(done)
     }
 
-    /// Updates some of the matches in a transaction; without `_id`s, all of them if they are few.
-    fn update_part(&self, work: &Work<'_>, ids: Option<&[Bson]>) -> Result<Part, StoreError> {
+    /// Updates matches in a transaction.
+    fn update_part(&self, work: &Work<'_>, which: Which<'_>) -> Result<Part, StoreError> {
         let Work { ns, request, .. } = *work;
-        let find = match ids {
-            None => matching(request, request.filter.clone(), CHUNK as u64 + 1),
-            Some(ids) => {
+        let find = match which {
+            Which::All { most } => matching(request, request.filter.clone(), most as u64 + 1),
+            Which::These(ids) => {
                 let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
                 let modifiers = request.modifiers.without_hint();
                 Find { modifiers, ..matching(request, these, 0) }
             }
         };
         // With a collation, texts that differ may be equal.
-        let known = ids.filter(|_| request.modifiers.collation.is_some());
-        let known = known.map(|ids| ids.iter().map(key::encode_value).collect::<HashSet<_>>());
+        let known: Option<HashSet<_>> = match which {
+            Which::These(ids) if request.modifiers.collation.is_some() => {
+                Some(ids.iter().map(key::encode_value).collect())
+            }
+            _ => None,
+        };
         let tried = self.in_transaction(ns, |transaction| {
             let Some(mut matches) = transaction.read(&find, CHUNK_READ)? else { return Ok(Part::TooLarge) };
-            if ids.is_none() && matches.len() > CHUNK {
+            if matches!(which, Which::All { most } if matches.len() > most) {
                 return Ok(Part::TooLarge);
             }
             if let Some(known) = &known {
