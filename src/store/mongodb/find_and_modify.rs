@@ -10,7 +10,7 @@ use mongodb::options::{ReturnDocument, UpdateModifications};
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::attempts::{any_of, choices};
 use super::dates::path;
-use super::named::{exactly, none_of, same};
+use super::named::{exactly, id_of, none_of, same};
 use super::prediction::{Prediction, predict};
 use super::single_step::{self, Meaning, Single};
 use super::unchanged::{as_read, with_the_same_metadata};
@@ -174,7 +174,7 @@ impl MongoDb {
         (before, attempt): (RawDocumentBuf, u32),
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        let id = id(&before)?;
+        let id = id_of(&before)?;
         let this = this(request, &id);
         let read = vec![(id, before)];
         let plain = without_metadata(&update.update, &read, at)?;
@@ -210,7 +210,7 @@ impl MongoDb {
         (plain, before): (UpdateSpec, &RawDocumentBuf),
         at: DateTime,
     ) -> Result<Attempt, StoreError> {
-        let id = id(before)?;
+        let id = id_of(before)?;
         let filter = doc! { "$and": [this(request, &id), the_same(request, update, before)?] };
         let change = Change { filter, ..Change::asked(request, update, plain) };
         // The document may be changed, too, where it cannot be shown.
@@ -295,7 +295,7 @@ impl MongoDb {
             Err(error) => return Err(error),
         }
         let document = if request.new { Some(shown.of(&made, now)?) } else { None };
-        Ok(Some(Modified { document, is_found: false, is_changed: true, upserted: Some(id(&made)?) }))
+        Ok(Some(Modified { document, is_found: false, is_changed: true, upserted: Some(id_of(&made)?) }))
     }
 
     /// The server's own command; returns the document that was changed.
@@ -369,12 +369,6 @@ impl<'a> Change<'a> {
             projection: &request.projection,
         }
     }
-}
-
-/// The `_id` of a document.
-fn id(document: &RawDocumentBuf) -> Result<Bson, QueryError> {
-    let id = document.get("_id")?.map(Bson::try_from).transpose()?;
-    Ok(id.unwrap_or(Bson::Null))
 }
 
 /// A document that is shown as it is after a change, with the date of that, where its metadata is shown as a whole.

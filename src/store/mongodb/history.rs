@@ -60,9 +60,13 @@ impl Made {
         Self { count, filter }
     }
 
-    /// What was removed.
-    pub(super) fn removals(count: u64) -> Self {
-        Self { count, filter: doc! { "operation": { "$in": ["delete", "drop"] } } }
+    /// What was removed: the documents with these `_id`s, where they are known.
+    pub(super) fn removals(count: u64, ids: &[Bson]) -> Self {
+        let mut filter = doc! { "operation": { "$in": ["delete", "drop"] } };
+        if !ids.is_empty() {
+            filter.insert("document", doc! { "$in": ids });
+        }
+        Self { count, filter }
     }
 }
 
@@ -83,6 +87,11 @@ impl MongoDb {
     pub(super) fn time_of_change(&self, ns: &Namespace, asked: Option<DateTime>) -> Option<DateTime> {
         let at = asked?;
         Some(if self.rule(ns).is_some() { DateTime::from_millis(next_time(at.timestamp_millis())) } else { at })
+    }
+
+    /// Whether what is changed in a collection is recorded.
+    pub(super) fn records(&self, ns: &Namespace) -> bool {
+        self.rule(ns).is_some() && !self.keeping().is_recording
     }
 
     fn rule(&self, ns: &Namespace) -> Option<HistoryRule> {

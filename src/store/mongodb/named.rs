@@ -1,8 +1,14 @@
-//! Filters for documents with known `_id`s.
+//! The `_id`s of documents, and filters for documents with known ones.
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document, RawDocument, doc};
 
-use crate::query::Collation;
+use crate::query::{Collation, QueryError};
+
+/// The `_id` of a document.
+pub(super) fn id_of(document: &RawDocument) -> Result<Bson, QueryError> {
+    let id = document.get("_id")?.map(Bson::try_from).transpose()?;
+    Ok(id.unwrap_or(Bson::Null))
+}
 
 /// The filter for the document with an `_id`.
 pub(super) fn same(id: &Bson) -> Document {

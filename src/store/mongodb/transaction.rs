@@ -4,16 +4,16 @@
 
 use std::time::Duration;
 
-use bson::{Bson, RawDocumentBuf};
+use bson::RawDocumentBuf;
 use mongodb::error::{Error, ErrorKind, TRANSIENT_TRANSACTION_ERROR, UNKNOWN_TRANSACTION_COMMIT_RESULT, WriteFailure};
 use mongodb::options::{ReadConcern, ReadPreference, SelectionCriteria};
 use mongodb::sync::ClientSession;
 
 use super::action::{hint_of_driver, modified, of_driver};
+use super::named::id_of;
 use super::prediction::Before;
 use super::visible::for_server;
 use super::{MongoDb, failure};
-use crate::query::QueryError;
 use crate::store::{Find, Modifiers, Namespace, StoreError, UpdateRequest, Updated};
 
 /// How often a transaction is begun that others come in between of.
@@ -145,9 +145,7 @@ impl Transaction<'_> {
             if bytes > most_bytes && !matches.is_empty() {
                 return Ok(None);
             }
-            let id = document.get("_id").map_err(QueryError::from)?.map(Bson::try_from);
-            let id = id.transpose().map_err(QueryError::from)?.unwrap_or(Bson::Null);
-            matches.push((id, document));
+            matches.push((id_of(&document)?, document));
         }
         Ok(Some(matches))
     }

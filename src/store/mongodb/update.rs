@@ -547,9 +547,7 @@ fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError
     documents
         .map(|document| {
             let document = document?;
-            let id = document.get("_id").map_err(QueryError::from)?;
-            let id = id.map(Bson::try_from).transpose().map_err(QueryError::from)?;
-            Ok((id.unwrap_or(Bson::Null), document))
+            Ok((named::id_of(&document)?, document))
         })
         .collect()
 }

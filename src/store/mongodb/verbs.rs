@@ -1,6 +1,6 @@
 //! The operations of [`Store`], each one call of the driver.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::sync::atomic::AtomicBool;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
@@ -24,6 +24,9 @@ use crate::store::{
     Modification, Modified, Modifiers, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec,
     Updated, Validated, Validation, Values, WriteConcern,
 };
+
+/// How many removed documents are known by their `_id`s, at most.
+const MOST_KNOWN: usize = 10_000;
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -138,7 +141,13 @@ impl Store for MongoDb {
         let made = |done: Result<&Modified, &StoreError>| {
             let count = done.map_or(0, |done| u64::from(done.is_changed));
             match request.modification {
-                Modification::Remove => Made::removals(count),
+                Modification::Remove => {
+                    let removed = done.ok().and_then(|done| done.document.as_ref());
+                    // A projection may leave it out.
+                    let has_id = removed.filter(|document| matches!(document.get("_id"), Ok(Some(_))));
+                    let id = has_id.and_then(|document| named::id_of(document).ok());
+                    Made::removals(count, id.as_slice())
+                }
                 Modification::Update { .. } => Made::dated(count, timestamp),
             }
         };
@@ -146,13 +155,18 @@ impl Store for MongoDb {
     }
 
     fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
-        self.recorded(ns, |count| Made::removals(count.copied().unwrap_or(0)), || self.remove(ns, query, first_only))
+        if !self.records(ns) {
+            return self.remove(ns, query, first_only);
+        }
+        let ids = RefCell::new(Vec::new());
+        let made = |count: Result<&u64, &StoreError>| Made::removals(count.copied().unwrap_or(0), &ids.borrow());
+        self.recorded(ns, made, || self.remove_known(ns, query, first_only, &ids))
     }
 
     fn drop(&self, ns: &Namespace) -> Result<bool, StoreError> {
         self.recorded(
             ns,
-            |there| Made::removals(u64::from(there.is_ok_and(|there| *there))),
+            |there| Made::removals(u64::from(there.is_ok_and(|there| *there)), &[]),
             || self.remove_collection(ns),
         )
     }
@@ -440,6 +454,41 @@ impl MongoDb {
         };
         let deleted = modified!(action, query.modifiers, collation variables hint).run();
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+
+    /// Removes matches, and says which they were, if they are few: each has another history.
+    fn remove_known(
+        &self,
+        ns: &Namespace,
+        query: Query<'_>,
+        first_only: bool,
+        known: &RefCell<Vec<Bson>>,
+    ) -> Result<u64, StoreError> {
+        let limit = if first_only { 1 } else { MOST_KNOWN + 1 };
+        let find = Find {
+            filter: query.filter.clone(),
+            projection: doc! { "_id": 1 },
+            limit: limit as u64,
+            modifiers: query.modifiers.clone(),
+            current: true,
+            ..Find::default()
+        };
+        self.in_attempts(|_| {
+            let mut ids = Vec::new();
+            for document in self.find(ns, &find)? {
+                ids.push(named::id_of(&document?)?);
+            }
+            // With a collation, each is named by a long condition.
+            if ids.len() > MOST_KNOWN || !first_only && query.modifiers.collation.is_some() {
+                return self.remove(ns, query, first_only).map(Some);
+            }
+            let these = named::among(&ids, query.modifiers.collation.as_ref());
+            let filter = doc! { "$and": [query.filter.clone(), these] };
+            let removed = self.remove(ns, Query { filter: &filter, ..query }, first_only)?;
+            let is_overtaken = first_only && removed == 0 && !ids.is_empty();
+            known.replace(ids);
+            Ok((!is_overtaken).then_some(removed))
+        })
     }
 
     fn remove_collection(&self, ns: &Namespace) -> Result<bool, StoreError> {

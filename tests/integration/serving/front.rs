@@ -327,19 +327,29 @@ fn signed(mongod: &str) -> Result<(), Failed> {
             together.wait();
             things.update_one(doc! { "_id": client }, doc! { "$inc": { "n": 1 } }).run()?;
         }
+        together.wait();
+        let this = doc! { "_id": client };
+        let removed = match client % 3 {
+            0 => things.delete_one(this).run()?.deleted_count,
+            1 => things.delete_many(this).run()?.deleted_count,
+            _ => u64::from(things.find_one_and_delete(this).run()?.is_some()),
+        };
+        assert_eq!(removed, 1);
         Ok(())
     };
     at_once(CLIENTS, change)?;
     let entries = behind.collection::<Document>("rmem.history");
     let runs = [
-        doc! { "$match": { "operation": "update" } },
+        doc! { "$match": { "operation": { "$in": ["update", "delete"] } } },
         doc! { "$group": { "_id": "$run", "documents": { "$addToSet": "$document" }, "count": { "$sum": 1 } } },
     ];
     for run in entries.aggregate(runs).run()? {
         let run = run?;
         assert!(run.get_i64("_id").is_ok() && run.get_array("documents")?.len() == 1, "{run}");
     }
-    assert_eq!(entries.count_documents(doc! { "operation": "update" }).run()?, 24);
+    for (operation, count) in [("update", 24), ("delete", 4)] {
+        assert_eq!(entries.count_documents(doc! { "operation": operation }).run()?, count);
+    }
     behind.drop().run()?;
     Ok(())
 }
