@@ -232,6 +232,13 @@ impl Memory {
         self.store(ns)?.atomically(work)
     }
 
+    /// Whether the store that a collection is in has taken back all of what is being done as one write; see
+    /// [`Store::is_rolled_back`].
+    #[must_use]
+    pub fn is_rolled_back(&self, ns: &Namespace) -> bool {
+        self.store(ns).is_ok_and(|store| store.is_rolled_back())
+    }
+
     /// Runs operations that see the store of a collection at one moment; see [`Store::at_one_moment`].
     ///
     /// # Errors

@@ -98,7 +98,9 @@ impl WriterContext<'_> {
             let work = &mut || {
                 while let Some(Write { ns, once, work, reply }) = next.take() {
                     answers.push((reply, write::step(self.server, memory, &ns, once, work)));
-                    if answers.len() < MOST && since.elapsed() < MAX_GROUP_DELAY {
+                    let has_time = answers.len() < MOST && since.elapsed() < MAX_GROUP_DELAY;
+                    // On a full disk all of the group is lost; those that wait are not drawn into that.
+                    if has_time && !memory.is_rolled_back(&ns) {
                         next = self.companion(memory, is_shared);
                     }
                 }

@@ -321,6 +321,12 @@ pub trait Store: Send {
         work()
     }
 
+    /// Whether the store has taken back all of what is being done in [`Store::atomically`], since its disk was full or failed:
+    /// whatever else is to be written in it fails, too.
+    fn is_rolled_back(&self) -> bool {
+        false
+    }
+
     /// Runs writes, and waits until the members that their client names have them (by default, those of the store's own write
     /// concern); `work` returns whether there is something to wait for. Returns MongoDB's `writeConcernError` where they
     /// are not confirmed. A store that is one member confirms each write itself.

@@ -14,6 +14,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         Trial::test("disk::deleting_helps_where_documents_filled_the_disk", || deleting_helps(&filled)),
         Trial::test("disk::deleting_helps_where_one_write_filled_the_disk", || deleting_helps(&filled_at_once)),
         Trial::test("disk::deleting_helps_where_changes_of_one_document_filled_the_disk", || deleting_helps(&changed)),
+        #[cfg(all(feature = "mongodb", feature = "serve"))]
+        Trial::test("disk::what_a_server_answers_with_an_error_is_not_stored", serve_without_room),
         Trial::test("disk::what_is_stored_is_read_where_others_filled_the_disk", read_without_room),
         Trial::test("disk::what_does_not_fit_leaves_no_file_and_is_said_in_one_way", leave_nothing),
         Trial::test("disk::a_sort_without_room_for_its_temporary_files_says_so", sort_without_room),
@@ -24,14 +26,20 @@ pub(crate) fn trials() -> Vec<Trial> {
     .collect()
 }
 
-/// A file system of 4 MiB in memory, unmounted when it is dropped.
+/// A file system in memory, unmounted when it is dropped.
 struct SmallDisk(TempDir);
 
 impl SmallDisk {
+    /// One of 4 MiB.
     fn mount() -> Option<Self> {
+        Self::mount_of(4)
+    }
+
+    /// One of so many MiB.
+    fn mount_of(size: u32) -> Option<Self> {
         let folder = tempfile::tempdir().ok()?;
         let mut mount = Command::new("mount");
-        mount.args(["-t", "tmpfs", "-o", "size=4m", "tmpfs"]).arg(folder.path());
+        mount.args(["-t", "tmpfs", "-o", &format!("size={size}m"), "tmpfs"]).arg(folder.path());
         mount.output().is_ok_and(|output| output.status.success()).then(|| Self(folder))
     }
 
@@ -76,6 +84,12 @@ fn read_without_room() -> Result<(), Failed> {
     std::fs::remove_file(other)?;
     assert!(disk.rmem(&["delete", "a.b", "{_id: 1}"])?.status.success());
     Ok(())
+}
+
+#[cfg(all(feature = "mongodb", feature = "serve"))]
+fn serve_without_room() -> Result<(), Failed> {
+    let disk = SmallDisk::mount_of(12).ok_or("no file system can be mounted")?;
+    crate::serving::full_disk(disk.0.path())
 }
 
 /// A planner writes until its disk is full.

@@ -30,6 +30,7 @@ use super::catalog_cache::CatalogCache;
 use super::indexed::Remembered;
 use super::log_size::LogSize;
 use super::place::{Place, companions, folder, log};
+use super::rolled_back::RolledBack;
 use super::scan::check_ending;
 use super::spare::Spare;
 use super::transaction::Log;
@@ -197,6 +198,7 @@ impl Embedded {
             indexes: Remembered::default(),
             catalog_cache: CatalogCache::default(),
             log: Log::default(),
+            rolled_back: RolledBack::default(),
             is_brief,
             is_reading: Cell::default(),
             reads_until: Cell::default(),

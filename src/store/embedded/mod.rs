@@ -43,6 +43,7 @@ mod pipeline;
 mod place;
 mod repair;
 mod retention;
+mod rolled_back;
 mod scan;
 mod search;
 mod slices;
@@ -69,6 +70,7 @@ use catalog_cache::CatalogCache;
 use indexed::Remembered;
 use log_size::LogSize;
 use place::Place;
+use rolled_back::RolledBack;
 use spare::Spare;
 use transaction::Log;
 
@@ -92,6 +94,7 @@ pub struct Embedded {
     indexes: Remembered,
     catalog_cache: CatalogCache,
     log: Log,
+    rolled_back: RolledBack,
     /// Whether a write waits only briefly for other writers.
     is_brief: Arc<AtomicBool>,
     /// Whether what is read is of one moment, so that nothing is written.

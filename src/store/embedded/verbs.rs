@@ -25,6 +25,8 @@ use crate::store::{
 const WRITE_CONFLICT: i32 = 112;
 /// Pages that no statement uses are given back to the system.
 const FREE_CACHE: &str = "PRAGMA shrink_memory";
+/// Why a write was rolled back, where no error was seen.
+const UNSEEN: &str = "reading or writing failed, and nothing of this write was kept; check the disk, and repeat";
 
 impl Store for Embedded {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -258,6 +260,10 @@ impl Store for Embedded {
         self.write(work)
     }
 
+    fn is_rolled_back(&self) -> bool {
+        self.rolled_back().is_some()
+    }
+
     fn at_one_moment(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<bool, StoreError> {
         let before = {
             let _moment = self.moment()?;
@@ -355,6 +361,9 @@ impl Embedded {
             return Err(QueryError::invalid(WRITE_CONFLICT, "what is read at one moment cannot be written to").into());
         }
         self.catalog_cache.count_write();
+        if let Some(error) = self.rolled_back() {
+            return Err(error);
+        }
         if !self.connection.is_autocommit() {
             return self.step(work);
         }
@@ -367,10 +376,17 @@ impl Embedded {
     fn step<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         self.run("SAVEPOINT step").map_err(|e| self.explain(&e))?;
         let result = work();
-        if result.is_err() {
+        let rolled_back = self.rolled_back();
+        if result.is_err() || rolled_back.is_some() {
             self.indexes.clear();
             self.catalog_cache.forget();
-            // A transaction that SQLite gave up as a whole has no savepoints any more.
+        }
+        if let Some(error) = rolled_back {
+            // There are no savepoints any more.
+            return Err(error);
+        }
+        if result.is_err() {
+            // Where that fails, the error of the work is returned all the same.
             let _ = self.run("ROLLBACK TO step");
         }
         let released = self.run("RELEASE step");
@@ -380,7 +396,7 @@ impl Embedded {
     /// The same, where no other process is writing (else nothing, soon), for what may be lost
     /// with the power: it does not wait for the disk.
     pub(super) fn write_soon<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<Option<T>, StoreError> {
-        if !self.connection.is_autocommit() {
+        if !self.connection.is_autocommit() || self.is_rolled_back() {
             return Ok(None);
         }
         self.catalog_cache.count_write();
@@ -402,12 +418,18 @@ impl Embedded {
         log.iter().for_each(|log| self.log_size.extend(log));
         let open =
             || self.catalog_cache.open(&self.connection).map_err(|e| self.explain(&e)).and_then(|()| self.open_log());
+        self.rolled_back.begin();
         let result = open().and_then(|()| work()).and_then(|value| {
+            self.rolled_back().map_or(Ok(()), Err)?;
             self.bound_log()?;
             self.keep_room()?;
             self.run("COMMIT").map(|()| value).map_err(|e| self.explain(&e))
         });
         self.catalog_cache.close();
+        let result = match (result, self.rolled_back.end(&self.place)) {
+            (Err(_), Some(cause)) => Err(cause),
+            (result, _) => result,
+        };
         if result.is_ok() {
             log.iter().for_each(|log| self.log_size.measure(log));
             self.publish_log();
@@ -429,6 +451,14 @@ impl Embedded {
             }
         }
         result
+    }
+
+    /// Why SQLite has rolled back the write that is being done, where it has.
+    fn rolled_back(&self) -> Option<StoreError> {
+        if self.rolled_back.is_writing() && self.connection.is_autocommit() {
+            self.rolled_back.note(&self.fail(UNSEEN));
+        }
+        self.rolled_back.error(&self.place)
     }
 
     /// Gives a collection another name, in place of one that has it. `names` are as in [`Embedded::note_drop`]. In a write
@@ -481,7 +511,11 @@ impl Embedded {
             // SQLite checks a page when it is read: a damaged one that stays in memory is not checked again.
             let _ = self.connection.execute_batch(FREE_CACHE);
         }
-        failure::explain(&self.place, error)
+        let explained = failure::explain(&self.place, error);
+        if self.rolled_back.is_writing() && self.connection.is_autocommit() {
+            self.rolled_back.note(&explained);
+        }
+        explained
     }
 
     pub(super) fn fail(&self, reason: &str) -> StoreError {
@@ -492,6 +526,7 @@ impl Embedded {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::UpdateSpec;
     use bson::doc;
     use std::borrow::Cow;
 
@@ -519,6 +554,52 @@ mod tests {
         });
         assert!(within.is_ok());
         assert_eq!(store.count(&ns, (&doc! {}).into()).unwrap(), 2);
+    }
+
+    #[test]
+    fn nothing_stays_of_what_is_done_as_one_where_the_disk_is_full() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Embedded::open(folder.path().join("robot.rmem")).unwrap();
+        let (ns, made) = (Namespace::parse("a.b").unwrap(), Namespace::parse("a.made").unwrap());
+        store.insert(&ns, vec![doc! { "_id": 0, "n": 0 }]).unwrap();
+        let update = UpdateSpec::Document(doc! { "$inc": { "n": 1 } });
+        let request = UpdateRequest { filter: doc! { "_id": 0 }, update, ..UpdateRequest::default() };
+        let fill = || store.insert(&made, vec![doc! { "text": "x".repeat(1 << 20) }]);
+        let limit = |pages: i64| store.connection.pragma_update(None, "max_page_count", pages);
+        let pages = store.connection.query_row("PRAGMA page_count", [], |row| row.get::<_, i64>(0)).unwrap();
+        limit(pages + 20).unwrap();
+        let fails = |result: Result<(), StoreError>| matches!(result, Err(StoreError::DiskFull { .. }));
+        let mut begun = 0;
+        let done = store.atomically(&mut || {
+            store.update(&ns, &request, None)?;
+            assert!(!store.is_rolled_back());
+            assert!(fails(store.atomically(&mut || {
+                assert!(fails(fill().map(drop)));
+                assert!(store.connection.is_autocommit(), "SQLite has rolled back all");
+                // A step does not know that the others are lost.
+                Ok(())
+            })));
+            assert!(store.is_rolled_back());
+            assert!(fails(store.update(&ns, &request, None).map(drop)));
+            assert_eq!(store.count(&ns, (&doc! { "n": 0 }).into())?, 1);
+            assert!(fails(store.atomically(&mut || {
+                begun += 1;
+                Ok(())
+            })));
+            assert_eq!(store.write_soon(|| Ok(()))?, None);
+            Ok(())
+        });
+        assert!(fails(done));
+        assert_eq!(begun, 0);
+        assert!(!store.is_rolled_back());
+        assert_eq!(store.count(&ns, (&doc! { "n": 0 }).into()).unwrap(), 1);
+        // One that fails by itself is no other.
+        assert!(fails(fill().map(drop)));
+        limit(i64::from(i32::MAX)).unwrap();
+        store.update(&ns, &request, None).unwrap();
+        fill().unwrap();
+        let count = |ns: &Namespace, filter: Document| store.count(ns, (&filter).into()).unwrap();
+        assert_eq!((count(&ns, doc! { "n": 1 }), count(&made, doc! {})), (1, 1));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Commands that fail behind something that they have done.
 
+use std::path::Path;
+
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 
@@ -246,5 +248,28 @@ fn between() -> Result<(), Failed> {
         assert!(seen, "an insert was done before the end");
         assert_eq!(count(&mut other, target)?, COUNT);
     }
+    Ok(())
+}
+
+/// On a disk of 12 MiB, which is more than a connection keeps in memory of what it writes: there is room for one statement of a
+/// command, and not for the log of the one before it, by which the command fails as a whole. The server goes on.
+pub(crate) fn full_disk(folder: &Path) -> Result<(), Failed> {
+    let served = Served::start(folder, &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    wire.run(&doc! { "insert": "c", "documents": [{ "_id": 0, "n": 0 }], "$db": "a" })?;
+    let insert = doc! { "insert": "c", "documents": [{ "text": "x".repeat(30_000) }], "$db": "a" };
+    while wire.run(&insert)?.contains_key("n") {}
+    let all = doc! { "q": {}, "u": { "$inc": { "n": 1 } }, "multi": true };
+    let one = doc! { "q": { "_id": 0 }, "u": { "$inc": { "n": 1 } } };
+    for _ in 0..3 {
+        let updates = [&all, &one];
+        let answer = wire.run(&doc! { "update": "c", "updates": updates, "ordered": false, "$db": "a" })?;
+        assert!(answer.get_str("errmsg").is_ok_and(|message| message.contains("the disk is full")), "{answer}");
+        let found = wire.run(&doc! { "find": "c", "filter": { "n": { "$exists": true } }, "$db": "a" })?;
+        let found = found.get_document("cursor")?.get_array("firstBatch")?.clone();
+        assert_eq!(found, [Bson::from(doc! { "_id": 0, "n": 0 })], "{answer}");
+    }
+    let answer = wire.run(&doc! { "update": "c", "updates": [one], "$db": "a" })?;
+    assert_eq!(answer.get_i32("nModified")?, 1, "{answer}");
     Ok(())
 }

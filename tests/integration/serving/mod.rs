@@ -30,6 +30,7 @@ use libtest_mimic::{Failed, Trial};
 use mongodb::sync::Client;
 
 pub(crate) use elections::KILLERS;
+pub(crate) use failures::full_disk;
 pub(crate) use front::CASES as IN_FRONT;
 pub(crate) use suites::stop;
 
