@@ -37,6 +37,7 @@ pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
             connection.end(server);
             return linger(host);
         }
+        host.answer_late();
         drop(host);
         memory.give_back();
     }

@@ -11,7 +11,7 @@ use bson::{RawArrayBuf, RawDocumentBuf};
 use super::changes::Stream;
 use super::ended::Ended;
 use super::failure::{Failure, codes};
-use super::mailbox::{Mailbox, ThreadMessage};
+use super::mailbox::{Mailbox, More, ThreadMessage};
 use super::origin::Origin;
 use super::request::interrupted;
 use crate::deadline;
@@ -280,6 +280,16 @@ impl Cursors {
         let mut cursors = self.lock();
         let (was_open, has_ended) = (cursors.close(id), cursors.ended.remove(|ended, _| ended == id));
         was_open || has_ended
+    }
+
+    /// Asks the thread of a cursor for its next documents. What is asked about a cursor that is closed already is dropped,
+    /// which answers it. So whatever a thread is asked, it has received before it forgets its last cursor.
+    pub(super) fn ask(&self, more: More) {
+        let (mut cursors, id) = (self.lock(), more.cursor);
+        let Some(Owner::Thread(mailbox)) = cursors.open.get(&id).map(|open| &open.owner) else { return };
+        if !mailbox.send(ThreadMessage::More(more)) {
+            cursors.remove(id);
+        }
     }
 
     /// Forgets a cursor that its thread has let go of.

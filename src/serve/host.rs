@@ -34,6 +34,8 @@ pub(super) struct Host<'m> {
     pub(super) id: i64,
     memory: &'m Lazy,
     cursors: HashMap<i64, Results<'m>>,
+    /// Whether it has had cursors, so that others may have asked for the next documents of one.
+    has_had_cursors: bool,
     pub(super) inbox: &'m Inbox,
     /// Whether what it writes is written at once: within a transaction, by the writer itself.
     writes_itself: bool,
@@ -41,7 +43,8 @@ pub(super) struct Host<'m> {
 
 impl<'m> Host<'m> {
     pub(super) fn new(server: &Arc<Server>, id: i64, memory: &'m Lazy, inbox: &'m Inbox, writes_itself: bool) -> Self {
-        Self { server: Arc::clone(server), id, memory, cursors: HashMap::new(), inbox, writes_itself }
+        let (server, cursors) = (Arc::clone(server), HashMap::new());
+        Self { server, id, memory, cursors, has_had_cursors: false, inbox, writes_itself }
     }
 
     pub(super) fn memory(&self) -> Result<&'m Memory, Failure> {
@@ -172,6 +175,17 @@ impl<'m> Host<'m> {
         }
     }
 
+    /// Answers what was asked about cursors that are closed since. Behind its last command: a connection without cursors
+    /// waits for its client alone.
+    pub(super) fn answer_late(&mut self) {
+        // What is left in the wakeup pipe wakes it once more than needed.
+        while self.has_had_cursors
+            && let Some(message) = self.inbox.take()
+        {
+            self.handle(message);
+        }
+    }
+
     pub(super) fn handle(&mut self, message: ThreadMessage) {
         match message {
             // Answers that are not awaited any more.
@@ -200,6 +214,7 @@ impl<'m> Host<'m> {
         }
         results.never_expires = batch.never_expires;
         results.collection = self.memory()?.number(ns)?;
+        self.has_had_cursors = true;
         let owner = Owner::Thread(self.inbox.mailbox());
         let id = self.server.cursors.open(Open::new(ns.clone(), origin, owner, self.id))?;
         self.cursors.insert(id, results);
@@ -207,19 +222,16 @@ impl<'m> Host<'m> {
     }
 
     /// The next documents of a cursor, whoever has it.
-    pub(super) fn more(&mut self, cursor: i64, open: &Open, batch: Option<u64>) -> Answer {
+    pub(super) fn more(&mut self, cursor: i64, batch: Option<u64>) -> Answer {
         let limits = deadline::limits();
         if let Some(answer) = self.own(cursor, batch) {
             return answer;
         }
-        let Owner::Thread(mailbox) = &open.owner else { return Err(cursor::not_found(cursor)) };
         if self.writes_itself {
             return Err(cursor::not_found(cursor));
         }
         let (question, to) = self.inbox.question(cursor::not_found(cursor));
-        if !mailbox.send(ThreadMessage::More(More { cursor, batch, limits: limits.clone(), to })) {
-            self.server.cursors.forget(cursor);
-        }
+        self.server.cursors.ask(More { cursor, batch, limits: limits.clone(), to });
         self.wait_until(question, Some((limits, None)))
     }
 
@@ -296,4 +308,44 @@ pub(super) struct FirstBatch {
 /// An answer without documents.
 pub(super) fn empty() -> Answer {
     Ok(RawDocumentBuf::new())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::serve::server::{Opener, Options};
+    use crate::store::StoreUri;
+
+    #[test]
+    fn whoever_asks_for_more_of_a_cursor_that_is_closed_meanwhile_is_answered() {
+        let open: Opener = Arc::new(|| {
+            let uri = StoreUri::parse("mem:").unwrap();
+            Ok(Memory::at(uri.clone(), uri, Vec::new()))
+        });
+        let (server, _jobs) = Server::new(open, Options::default());
+        let memory = Lazy::aside(&server);
+        let inboxes = [Inbox::new().unwrap(), Inbox::new().unwrap()];
+        let mut owner = Host::new(&server, 1, &memory, &inboxes[0], false);
+        let mut other = Host::new(&server, 2, &memory, &inboxes[1], false);
+        let documents = (0..2).map(|n| Ok(bson::rawdoc! { "n": n }));
+        let batch = FirstBatch { size: Some(1), ..FirstBatch::default() };
+        let ns = Namespace::parse("a.b").unwrap();
+        let answer = owner.answer(&ns, Origin::default(), Box::new(documents), batch).unwrap();
+        let cursor = answer.get_document("cursor").unwrap().get_i64("id").unwrap();
+        // The owner reads it to its end for its own client, and has no other one.
+        let (question, to) = other.inbox.question(cursor::not_found(cursor));
+        server.cursors.ask(More { cursor, batch: None, limits: Limits::default(), to });
+        assert!(owner.more(cursor, None).is_ok() && !owner.has_cursors());
+        owner.answer_late();
+        let code = match other.inbox.take() {
+            Some(ThreadMessage::Answer(number, Err(failure))) if question.is(number) => Some(failure.code),
+            _ => None,
+        };
+        assert_eq!(code, Some(codes::NO_CURSOR));
+        // The other one has seen the cursor before it was closed.
+        let until = Some(Instant::now() + Duration::from_secs(5));
+        let _deadline = Deadline::set(Limits { until, ..Limits::default() });
+        assert_eq!(other.more(cursor, None).map_err(|failure| failure.code), Err(codes::NO_CURSOR));
+        assert!(owner.inbox.take().is_none(), "it is not asked any more");
+    }
 }

@@ -51,7 +51,7 @@ fn more(host: &mut Host<'_>, call: &Call) -> Answer {
     cursors.touch(id, host.id);
     let batch = fields.size("batchSize")?;
     match &open.owner {
-        Owner::Thread(_) => host.more(id, &open, batch),
+        Owner::Thread(_) => host.more(id, batch),
         Owner::Stream(stream) => events(host, call, id, &open, stream, batch.filter(|size| *size > 0)),
     }
 }

@@ -1,10 +1,12 @@
 //! What plain clients see.
 
+use std::time::Duration;
+
 use bson::{Bson, Document, doc};
 use libtest_mimic::Failed;
 use mongodb::options::{FindOneAndUpdateOptions, ReturnDocument};
 
-use super::wire::Wire;
+use super::wire::{Wire, message};
 use super::{Case, Served, code};
 
 pub(super) const CASES: &[(&str, Case)] = &[
@@ -12,6 +14,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("computables_run_for_whoever_asks", computables),
     ("computables_that_are_added_meanwhile_run_too", added),
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
+    ("who_asks_for_more_of_a_cursor_that_its_client_reads_to_the_end_is_answered", overtaken),
     ("cursors_of_few_connections_that_have_ended_are_kept", left),
     ("a_cursor_whose_collection_is_dropped_or_renamed_does_not_look_complete", dropped),
     ("a_cursor_that_is_not_read_is_closed", expired),
@@ -122,6 +125,29 @@ fn cursors() -> Result<(), Failed> {
     assert_eq!(killed.get_array("cursorsNotFound")?, &vec![Bson::Int64(5)]);
     let gone = other.run(&doc! { "getMore": others, "collection": "c", "$db": "a" })?;
     assert_eq!(gone.get_str("codeName")?, "CursorNotFound");
+    Ok(())
+}
+
+/// The owner's connection waits for the rest of a command when the other one asks, and has no cursor behind it.
+fn overtaken() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let documents = (0..20).map(|n| doc! { "_id": n });
+    served.client()?.database("a").collection("c").insert_many(documents).run()?;
+    let mut owner = Wire::connect(served.address())?;
+    let mut other = Wire::connect(served.address())?;
+    let answer = owner.run(&doc! { "find": "c", "batchSize": 2, "$db": "a" })?;
+    let cursor = answer.get_document("cursor")?.get_i64("id")?;
+    let all = message(&doc! { "getMore": cursor, "collection": "c", "$db": "a" });
+    owner.send(&all[..20])?;
+    std::thread::sleep(Duration::from_millis(200));
+    other.send(&message(&more_of(cursor)))?;
+    std::thread::sleep(Duration::from_millis(200));
+    owner.send(&all[20..])?;
+    let rest = owner.receive()?;
+    let answer = other.receive()?;
+    assert!(is_fine(&rest) && (is_fine(&answer) || answer.get_i32("code")? == 43), "{rest} {answer}");
+    assert!(is_fine(&owner.run(&doc! { "ping": 1, "$db": "a" })?));
     Ok(())
 }
 
