@@ -337,6 +337,12 @@ impl Routes {
         self.both().filter(|lazy| !lazy.is_on_server())
     }
 
+    /// Opens the local store, where it is a file that is there.
+    pub(super) fn open_existing(&self) -> Result<(), StoreError> {
+        let is_file = self.local.uri.as_ref().is_some_and(|uri| uri.path().is_some());
+        if is_file { self.local.existing().map(drop) } else { Ok(()) }
+    }
+
     /// The local store, for reading.
     pub(super) fn local(&self) -> Result<&dyn Store, StoreError> {
         self.local.reading()

@@ -40,6 +40,14 @@ impl Memory {
         self.routes.scoped(&Scope::All).map(drop)
     }
 
+    /// Opens the local store, where it is a file that is there.
+    ///
+    /// # Errors
+    /// Where it cannot be opened.
+    pub fn open_existing(&self) -> Result<(), StoreError> {
+        self.routes.open_existing()
+    }
+
     /// Reads what is in the local store.
     ///
     /// # Errors

@@ -26,7 +26,7 @@ use super::write::OPERATION_TIME;
 
 /// Serves a client until it disconnects or an error ends the connection.
 pub(super) fn serve(server: &Arc<Server>, stream: Stream, client: Client) {
-    let Ok(inbox) = Inbox::new() else { return server.leave(client.id) };
+    let Ok(inbox) = server.with_files(Inbox::new) else { return server.leave(client.id) };
     let reader = BufReader::with_capacity(64 << 10, stream);
     let mut connection = Connection { reader, client, pace: Pace::default() };
     loop {

@@ -208,6 +208,20 @@ impl All {
         oldest.is_some_and(|id| self.close(id))
     }
 
+    /// Closes all cursors of the connection that has ended and was not read for longest, of those that keep files open; says
+    /// whether there was one.
+    fn close_connection_left(&mut self) -> bool {
+        let left = || self.open.iter().filter(|(_, open)| open.has_left && matches!(open.owner, Owner::Thread(_)));
+        let Some(connection) = left().min_by_key(|(_, open)| open.used).map(|(_, open)| open.connection) else {
+            return false;
+        };
+        let ids: Vec<i64> = left().filter(|(_, open)| open.connection == connection).map(|(id, _)| *id).collect();
+        for id in ids {
+            self.close(id);
+        }
+        true
+    }
+
     /// How many connections that have ended keep cursors.
     fn left(&self) -> usize {
         let left = self.open.values().filter(|open| open.has_left);
@@ -264,6 +278,11 @@ impl Cursors {
         let own = cursors.open.values_mut().filter(|open| open.connection == connection);
         own.for_each(|open| open.has_left = true);
         while cursors.left() > MOST_LEFT && cursors.close_left() {}
+    }
+
+    /// Closes the cursors of a connection that has ended, so that its thread closes its files; says whether there was one.
+    pub(super) fn close_connection_left(&self) -> bool {
+        self.lock().close_connection_left()
     }
 
     /// Why a cursor that is not open cannot be read in `here`.
@@ -396,6 +415,29 @@ mod tests {
         }
         assert_eq!(cursors.count(), MOST_LEFT);
         assert!(matches!(inbox.take(), Some(ThreadMessage::Kill(_))));
+    }
+
+    #[test]
+    fn files_are_given_back_by_the_connection_that_was_not_read_for_longest_and_has_ended() {
+        let cursors = Cursors::default();
+        let inbox = super::super::mailbox::Inbox::new().unwrap();
+        let ns = || Namespace::parse("a.b").unwrap();
+        let open = |connection| {
+            let owner = Owner::Thread(inbox.mailbox());
+            cursors.open(Open::new(ns(), Origin::default(), owner, connection)).unwrap()
+        };
+        let all = [1, 2, 1, 3, 2].map(open);
+        assert!(!cursors.close_connection_left(), "none has ended");
+        cursors.leave(2);
+        cursors.leave(1);
+        let open = || all.map(|id| cursors.get(id).is_some());
+        assert!(cursors.close_connection_left());
+        assert_eq!(open(), [false, true, false, true, true]);
+        assert!(cursors.close_connection_left());
+        assert_eq!(open(), [false, false, false, true, false]);
+        assert!(!cursors.close_connection_left());
+        let killed = std::iter::from_fn(|| inbox.take()).filter(|one| matches!(one, ThreadMessage::Kill(_)));
+        assert_eq!(killed.count(), 4);
     }
 
     #[test]

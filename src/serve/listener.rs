@@ -145,7 +145,10 @@ impl Listener {
                 Ok(()) => {}
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => self.kind.wait(POLL_INTERVAL),
                 // Too many files are open, or a client has left before it was let in.
-                Err(_) => std::thread::sleep(Duration::from_millis(10)),
+                Err(_) => {
+                    server.free_files();
+                    std::thread::sleep(Duration::from_millis(10));
+                }
             }
         }
     }
@@ -169,7 +172,7 @@ impl Listener {
     fn admit(&self, server: &Arc<Server>, incoming: Incoming, peer: String) -> io::Result<()> {
         let (host, id) = (incoming.host(&self.address), server.next_id());
         let stream = incoming.stream(self.tls.as_ref())?;
-        let handle = stream.handle(peer.clone())?;
+        let handle = server.with_files(|| stream.handle(peer.clone()))?;
         let (is_busy, activity) = (Arc::clone(&handle.is_busy), Arc::clone(&handle.activity));
         if !server.enter(id, handle) {
             return Ok(());

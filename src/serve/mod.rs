@@ -38,6 +38,7 @@ mod lazy;
 mod listener;
 pub mod lock;
 mod mailbox;
+mod open_files;
 mod origin;
 mod panic;
 mod past;

@@ -114,7 +114,7 @@ fn read(
     (ns, command): (&Namespace, Command),
     asked: &Receiver<Ask>,
 ) -> Result<(), Failure> {
-    let (memory, inbox) = (Lazy::aside(server), Inbox::new()?);
+    let (memory, inbox) = (Lazy::aside(server), server.with_files(Inbox::new)?);
     let until = Instant::now() + TRANSACTION_LIMIT;
     let mut host = Host::new(server, server.next_id(), &memory, &inbox, true);
     let mut check = None;

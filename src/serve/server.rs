@@ -135,6 +135,8 @@ impl Server {
     pub(super) fn open(&self) -> Result<Memory, Failure> {
         self.check_files()?;
         let memory = (self.open)()?;
+        // Whoever uses what could not be opened gets the error.
+        let _ = self.with_files(|| memory.open_existing());
         // Another file may have taken the name since.
         self.check_files()?;
         Ok(memory)

@@ -170,7 +170,7 @@ impl Open {
             reply.answer(Err(Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)));
             return End::Conflict;
         }
-        let inbox = match Inbox::new() {
+        let inbox = match context.server.with_files(Inbox::new) {
             Ok(inbox) => inbox,
             Err(failure) => {
                 reply.answer(Err(failure));

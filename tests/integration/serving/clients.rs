@@ -16,6 +16,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_cursor_is_read_by_any_connection_also_when_its_own_is_gone", cursors),
     ("who_asks_for_more_of_a_cursor_that_its_client_reads_to_the_end_is_answered", overtaken),
     ("cursors_of_few_connections_that_have_ended_are_kept", left),
+    ("connections_that_have_ended_give_their_files_to_those_that_come", crowded),
     ("a_cursor_whose_collection_is_dropped_or_renamed_does_not_look_complete", dropped),
     ("a_cursor_that_is_not_read_is_closed", expired),
     ("mistakes_have_the_codes_and_names_of_mongodb", mistakes),
@@ -148,6 +149,25 @@ fn overtaken() -> Result<(), Failed> {
     let answer = other.receive()?;
     assert!(is_fine(&rest) && (is_fine(&answer) || answer.get_i32("code")? == 43), "{rest} {answer}");
     assert!(is_fine(&owner.run(&doc! { "ping": 1, "$db": "a" })?));
+    Ok(())
+}
+
+fn crowded() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_limited(folder.path(), 64)?;
+    let mut wire = Wire::connect(served.address())?;
+    let documents: Vec<Document> = (0..100).map(|n| doc! { "_id": n }).collect();
+    assert!(is_fine(&wire.run(&doc! { "insert": "c", "documents": documents, "$db": "a" })?));
+    let mut opened = Vec::new();
+    for _ in 0..60 {
+        let answer = Wire::connect(served.address())?.run(&doc! { "find": "c", "batchSize": 1, "$db": "a" })?;
+        opened.push(answer.get_document("cursor")?.get_i64("id")?);
+    }
+    assert!(is_fine(&wire.run(&doc! { "insert": "c", "documents": [{}], "$db": "a" })?));
+    let is_open = |cursor: &i64, wire: &mut Wire| Ok::<_, Failed>(is_fine(&wire.run(&more_of(*cursor))?));
+    let open = opened.iter().map(|cursor| is_open(cursor, &mut wire)).collect::<Result<Vec<_>, _>>()?;
+    // Only those that were not read for longest are closed.
+    assert!(!open[0] && open[59] && open.is_sorted(), "{open:?}");
     Ok(())
 }
 
