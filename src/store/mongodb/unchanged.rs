@@ -22,6 +22,11 @@ pub(super) fn as_read(document: &RawDocumentBuf, request: &UpdateRequest) -> Res
     Ok(doc! { "$expr": { "$eq": ["$$ROOT", { "$literal": known }] } })
 }
 
+/// Whether a request fits into a command.
+pub(super) fn fits(request: &UpdateRequest) -> Result<bool, QueryError> {
+    Ok(size(request)? <= LARGEST_COMMAND)
+}
+
 /// How many bytes a request has without the names of its parts.
 fn size(request: &UpdateRequest) -> Result<usize, QueryError> {
     let UpdateRequest { filter, update, array_filters, .. } = request;

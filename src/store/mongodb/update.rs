@@ -16,7 +16,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
 
 use super::MongoDb;
 use super::attempts::{any_of, choices};
@@ -25,7 +25,7 @@ use super::named::{self, none_of};
 use super::prediction::{Before, Prediction, compares, is_uncertain, predict};
 use super::single_step::{self, Meaning, Single};
 use super::transaction::{Ended, Transaction, Tried};
-use super::unchanged::{as_read, dates};
+use super::unchanged::{as_read, dates, fits};
 use crate::interrupt::stops_work;
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError, check_upsert, constants, key};
@@ -41,6 +41,9 @@ const CHUNK_WITH_COLLATION: usize = 100;
 const CHUNK_BYTES: usize = 2 << 20;
 /// About how many bytes of documents are read and updated by one command.
 const CHUNK_READ: usize = 48 << 20;
+
+/// A timestamp in whose place an insert writes the time.
+const EMPTY: Bson = Bson::Timestamp(Timestamp { time: 0, increment: 0 });
 
 /// Which of the matches are updated.
 #[derive(Clone, Copy)]
@@ -104,14 +107,17 @@ impl MongoDb {
             let update = with_metadata_of(&request.update, at)?;
             return self.apply(ns, UpdateRequest { update, ..request.clone() }).map(Some);
         };
-        let is_path = |name: &String| name.is_empty() || name.starts_with('$') || name.contains('.');
-        if matches!(&request.update, UpdateSpec::Document(update) if !is_replacement(update))
-            && !made.keys().any(is_path)
+        if let UpdateSpec::Document(update) = &request.update
+            && keeps_query(update)
+            && !made.keys().any(|name| name.is_empty() || name.starts_with('$') || name.contains('.'))
         {
             // A match that is there now stays as it is.
-            let update = UpdateSpec::Document(doc! { "$setOnInsert": made });
-            let done = self.apply(ns, UpdateRequest { update, array_filters: Vec::new(), ..request.clone() })?;
-            return Ok((done.matched == 0).then_some(done));
+            let update = UpdateSpec::Document(doc! { "$setOnInsert": made.clone() });
+            let asked = UpdateRequest { update, array_filters: Vec::new(), ..request.clone() };
+            if fits(&asked)? {
+                let done = self.apply(ns, asked)?;
+                return Ok((done.matched == 0).then_some(done));
+            }
         }
         let upserted = made.get("_id").cloned();
         self.insert_all(ns, vec![made])?;
@@ -127,11 +133,13 @@ impl MongoDb {
         let made = during(collation.as_ref(), || {
             let constants = constants(&request.modifiers.variables)?;
             let update = request.update.compile(&request.array_filters, &constants)?;
-            Document::try_from(&*metadata::upsert(&*update.upsert(&request.filter, at)?, at)?).map_err(QueryError::from)
+            Document::try_from(&*metadata::upsert(&update.upsert(&request.filter, at)?, at)?).map_err(QueryError::from)
         });
         match made {
             // The server would be asked by a pipeline, with which it refuses other queries.
             Err(mistake) if replaces(&request.update) => Err(mistake.into()),
+            // It would write the time into what is to stay empty.
+            Ok(made) if made.values().any(|value| *value == EMPTY) => Ok(None),
             made => Ok(made.ok()),
         }
     }
@@ -555,6 +563,11 @@ fn with_ids(documents: crate::store::Documents<'_>) -> Result<Before, StoreError
 /// Whether an update is a replacement document: one without operators.
 pub(super) fn is_replacement(document: &Document) -> bool {
     !document.keys().next().is_some_and(|key| key.starts_with('$'))
+}
+
+/// Whether what an update with operators inserts has all that the query asks for.
+fn keeps_query(update: &Document) -> bool {
+    !is_replacement(update) && !update.contains_key("$unset") && !update.contains_key("$rename")
 }
 
 /// Whether an update replaces the whole document.
