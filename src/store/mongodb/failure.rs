@@ -216,7 +216,7 @@ fn coded(address: &str, code: i32, message: &str) -> StoreError {
 }
 
 /// A write that the primary did, and which is lost where it fails before others have it.
-fn unconfirmed(address: &str, what: &str, message: &str) -> StoreError {
+pub(super) fn unconfirmed(address: &str, what: &str, message: &str) -> StoreError {
     let reason = format!(
         "{what} was written by the primary, but a majority of the members did not confirm it ({message}); it may be lost \
          where the primary fails now; see `rmem backend status`"

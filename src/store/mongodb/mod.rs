@@ -11,6 +11,7 @@ mod attempts;
 mod check;
 mod client;
 mod dates;
+mod differing;
 mod explain;
 mod failure;
 mod find_and_modify;
@@ -25,7 +26,7 @@ mod prediction;
 mod raw;
 mod server_message;
 mod single_step;
-mod transaction;
+mod statements;
 mod unchanged;
 mod update;
 mod validation;
@@ -57,8 +58,6 @@ pub struct MongoDb {
     version: OnceLock<i32>,
     /// Whether documents are stored that do not pass the validator of their collection.
     is_bypassing: Cell<bool>,
-    /// Whether the server has said that it has no transactions.
-    is_without_transactions: Cell<bool>,
     /// Which members have to confirm writes.
     write_policy: write_policy::WritePolicy,
     /// The URI without credentials and options.

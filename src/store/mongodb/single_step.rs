@@ -108,7 +108,7 @@ fn names_id(filter: &Document) -> bool {
 
 /// Whether an operator changes every document that the server lets it change. Paths with `$[]` may meet nothing. (A double
 /// beyond 2^53 to which one is added stays as it is, and is called changed.)
-fn always_changes(operator: &str, fields: &Bson) -> bool {
+pub(super) fn always_changes(operator: &str, fields: &Bson) -> bool {
     let Bson::Document(fields) = fields else { return false };
     fields.iter().filter(|(path, _)| !path.contains('$')).any(|(_, value)| match (operator, value) {
         ("$inc", Bson::Int32(number)) => *number != 0,
@@ -139,7 +139,7 @@ fn plain_values(update: &Document) -> Option<Vec<(&str, &Bson)>> {
 }
 
 /// Whether the server sets a field to the value as it is. (It writes the time into an empty timestamp.)
-fn is_literal(value: &Bson) -> bool {
+pub(super) fn is_literal(value: &Bson) -> bool {
     match value {
         Bson::Array(values) => values.iter().all(is_literal),
         Bson::Document(fields) => fields.values().all(is_literal),

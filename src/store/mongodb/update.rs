@@ -6,32 +6,33 @@
 //! The server updates those with their metadata in the same step, and the others without. (Metadata in every update would
 //! report documents as changed that are not; a change computed here would not be the server's.)
 //!
-//! Many documents are read and updated in a transaction, in parts: no other client changes them in between. Where others
-//! are always faster, or a document is refused, each is updated by itself, if it is as it was read. A server without
-//! transactions updates those that still match. Only where nothing can be
+//! Many documents are updated in parts: by one request, where the server can tell which of them change (`differing`), else by
+//! a statement each (`statements`). So each is changed once, by whomever, and no update of another client is lost. A document
+//! that is another one meanwhile is read and updated by itself. Only where nothing can be
 //! predicted, or where the server changes a document that was to stay the same, is the
 //! metadata written in a second step.
 //!
 //! An upsert inserts the document that rmem makes, with its metadata, where the server finds nothing, too.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
 
 use super::MongoDb;
 use super::attempts::{any_of, choices};
 use super::dates::{add_field, inserted, path};
+use super::differing::differing;
 use super::named::{self, none_of};
 use super::prediction::{Before, Prediction, compares, is_uncertain, predict};
 use super::single_step::{self, Meaning, Single};
-use super::transaction::{Ended, Transaction, Tried};
+use super::statements::{Sent, statement};
 use super::unchanged::{as_read, dates, fits};
 use crate::interrupt::stops_work;
 use crate::query::collation::during;
-use crate::query::{Collation, QueryError, check_upsert, constants, key};
+use crate::query::{Collation, Filter, QueryError, check_upsert, constants, key};
 use crate::store::document::with_id_first;
 use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
-use crate::store::{Find, Modifiers, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
+use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, UpdateSpec, Updated};
 
 /// How many documents are updated by one command.
 const CHUNK: usize = 1_000;
@@ -44,26 +45,6 @@ const CHUNK_READ: usize = 48 << 20;
 
 /// A timestamp in whose place an insert writes the time.
 const EMPTY: Bson = Bson::Timestamp(Timestamp { time: 0, increment: 0 });
-
-/// Which of the matches are updated.
-#[derive(Clone, Copy)]
-enum Which<'i> {
-    /// All, if they are so many at most.
-    All { most: usize },
-    /// Those with these `_id`s.
-    These(&'i [Bson]),
-}
-
-/// What came of an attempt to update some documents in a transaction.
-enum Part {
-    Done(Updated),
-    /// They are too many, or too large, to be read at once.
-    TooLarge,
-    /// Others were always faster, or one of the documents cannot be updated.
-    OneByOne,
-    /// The server has no transactions for them.
-    Unable,
-}
 
 /// An update of documents that are read before.
 struct Work<'a> {
@@ -190,7 +171,7 @@ impl MongoDb {
         self.in_attempts(|attempt| {
             let find = matching(request, request.filter.clone(), choices(&request.filter, attempt));
             let Some(chosen) = any_of(with_ids(self.find(ns, &find)?)?) else { return Ok(Some(Updated::default())) };
-            let done = self.update_chunk(work, vec![chosen])?;
+            let done = self.update_single(work, chosen)?;
             Ok((done.matched > 0).then_some(done))
         })
     }
@@ -202,7 +183,10 @@ impl MongoDb {
             Some(_) if compares(request) => CHUNK_WITH_COLLATION,
             _ => CHUNK,
         };
-        if !each && let Part::Done(done) = self.update_part(work, Which::All { most })? {
+        let mut done = Updated::default();
+        let few = matching(request, request.filter.clone(), most as u64 + 1);
+        if !each && let Some(all) = self.read(ns, &few)?.filter(|all| all.len() <= most) {
+            self.update_several(work, all, &mut done)?;
             return Ok(done);
         }
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
@@ -210,110 +194,229 @@ impl MongoDb {
         let matches: Vec<Bson> = with_ids(self.find(ns, &find)?)?.into_iter().map(|(id, _)| id).collect();
         let mut parts = chunks(&matches, most);
         parts.reverse();
-        let mut done = Updated::default();
         while let Some(ids) = parts.pop() {
             if stops_work() {
                 return Err(StoreError::Interrupted { done: done.modified });
             }
-            let part = if each {
-                Part::OneByOne
-            } else {
-                self.update_part(work, Which::These(ids)).map_err(|e| e.after(done.modified))?
-            };
+            let part = if each { None } else { self.part(work, ids).map_err(|e| e.after(done.modified))? };
             match part {
-                Part::Done(more) => add(&mut done, &more),
-                Part::TooLarge if ids.len() > 1 => {
+                Some(before) => self.update_several(work, before, &mut done)?,
+                None if !each && ids.len() > 1 => {
                     let (first, second) = ids.split_at(ids.len() / 2);
                     parts.extend([second, first]);
                 }
-                Part::TooLarge | Part::OneByOne => self.update_one_by_one(work, ids, &mut done)?,
-                Part::Unable => self.update_what_matches(work, ids, &mut done)?,
+                None => self.update_one_by_one(work, ids, &mut done)?,
             }
         }
         Ok(done)
     }
 
-    /// Updates matches in a transaction.
-    fn update_part(&self, work: &Work<'_>, which: Which<'_>) -> Result<Part, StoreError> {
+    /// The matches; nothing where they have too many bytes.
+    fn read(&self, ns: &Namespace, find: &Find) -> Result<Option<Before>, StoreError> {
+        let (mut matches, mut bytes) = (Before::new(), 0);
+        for document in self.find(ns, find)? {
+            let document = document?;
+            bytes += document.as_bytes().len();
+            if bytes > CHUNK_READ && !matches.is_empty() {
+                return Ok(None);
+            }
+            matches.push((named::id_of(&document)?, document));
+        }
+        Ok(Some(matches))
+    }
+
+    /// Those of these documents that still match, in this order; nothing where they have too many bytes.
+    fn part(&self, work: &Work<'_>, ids: &[Bson]) -> Result<Option<Before>, StoreError> {
         let Work { ns, request, .. } = *work;
-        let find = match which {
-            Which::All { most } => matching(request, request.filter.clone(), most as u64 + 1),
-            Which::These(ids) => {
-                let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
-                let modifiers = request.modifiers.without_hint();
-                Find { modifiers, ..matching(request, these, 0) }
-            }
-        };
+        let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
+        let find = Find { modifiers: request.modifiers.without_hint(), ..matching(request, these, 0) };
+        let Some(mut before) = self.read(ns, &find)? else { return Ok(None) };
+        let places: HashMap<Vec<u8>, usize> =
+            ids.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
         // With a collation, texts that differ may be equal.
-        let known: Option<HashSet<_>> = match which {
-            Which::These(ids) if request.modifiers.collation.is_some() => {
-                Some(ids.iter().map(key::encode_value).collect())
+        before.retain(|(id, _)| places.contains_key(&key::encode_value(id)));
+        before.sort_by_cached_key(|(id, _)| places.get(&key::encode_value(id)).copied());
+        Ok(Some(before))
+    }
+
+    /// Updates documents as they were read, up to one that cannot be updated.
+    fn update_several(&self, work: &Work<'_>, mut before: Before, done: &mut Updated) -> Result<(), StoreError> {
+        let Work { request, at, .. } = *work;
+        if before.is_empty() {
+            return Ok(());
+        }
+        let plain = without_metadata(&request.update, &before, at)?;
+        let Some(predictions) = predict(&plain, request, work.collation.as_ref(), &before, at) else {
+            return self.update_and_date(work, plain, &before, done);
+        };
+        let fails = predictions.iter().position(|prediction| *prediction == Prediction::Fails);
+        let mut behind = fails.map_or_else(Before::new, |place| before.split_off(place));
+        let (mut changing, mut rest) = (Before::new(), Before::new());
+        for (document, prediction) in before.into_iter().zip(predictions) {
+            match prediction {
+                Prediction::Changes => changing.push(document),
+                // The server would count it.
+                Prediction::Moves => done.matched += 1,
+                Prediction::Stays | Prediction::Fails => rest.push(document),
             }
+        }
+        self.update_changing(work, &plain, changing, done)?;
+        self.update_and_date(work, plain, &rest, done)?;
+        if !behind.is_empty() {
+            // The server says why it cannot be updated, or updates it.
+            let (id, _) = behind.remove(0);
+            self.update_one_by_one(work, &[id], done)?;
+            self.update_several(work, behind, done)?;
+        }
+        Ok(())
+    }
+
+    /// The same for documents that may stay as they are.
+    fn update_and_date(
+        &self,
+        work: &Work<'_>,
+        plain: UpdateSpec,
+        these: &Before,
+        done: &mut Updated,
+    ) -> Result<(), StoreError> {
+        if !these.is_empty() {
+            let more = self.update_then_metadata(work.ns, work.request, plain, these, work.at);
+            add(done, &more.map_err(|error| error.after(done.modified))?);
+        }
+        Ok(())
+    }
+
+    /// The same for documents that change.
+    fn update_changing(
+        &self,
+        work: &Work<'_>,
+        plain: &UpdateSpec,
+        these: Before,
+        done: &mut Updated,
+    ) -> Result<(), StoreError> {
+        let Work { request, .. } = *work;
+        let has_collation = request.modifiers.collation.is_some();
+        let condition = match plain {
+            UpdateSpec::Document(update) if !has_collation || compares(request) => differing(update),
             _ => None,
         };
-        let tried = self.in_transaction(ns, |transaction| {
-            let Some(mut matches) = transaction.read(&find, CHUNK_READ)? else { return Ok(Part::TooLarge) };
-            if matches!(which, Which::All { most } if matches.len() > most) {
-                return Ok(Part::TooLarge);
-            }
-            if let Some(known) = &known {
-                matches.retain(|(id, _)| known.contains(&key::encode_value(id)));
-            }
-            if matches.is_empty() {
-                return Ok(Part::Done(Updated::default()));
-            }
-            Ok(self.update_in(transaction, work, matches)?.map_or(Part::OneByOne, Part::Done))
-        });
-        match tried {
-            Ok(Tried::Done(part)) => Ok(part),
-            Ok(Tried::Overtaken) => Ok(Part::OneByOne),
-            Ok(Tried::Unable) => Ok(Part::Unable),
-            // Those before the one that is refused are updated.
-            Err(error) if error.is_of_document() => Ok(Part::OneByOne),
-            Err(error) => Err(error),
+        match condition {
+            Some(condition) => self.update_differing(work, plain, &condition, these, done),
+            // By a statement, each would be looked for among all.
+            None if has_collation && compares(request) => self.update_differing(work, plain, &doc! {}, these, done),
+            None => self.update_by_statements(work, plain, &these, done),
         }
     }
 
-    /// Updates documents in the transaction in which they were read; nothing where one of them cannot be updated.
-    fn update_in(
+    /// The same by a request for all, which changes those of them for which a condition holds.
+    fn update_differing(
         &self,
-        transaction: &mut Transaction<'_>,
         work: &Work<'_>,
-        before: Before,
-    ) -> Result<Option<Updated>, Ended> {
-        let Work { request, at, .. } = *work;
-        let matched = before.len() as u64;
-        let plain = without_metadata(&request.update, &before, at)?;
-        let (changing, rest) = match predict(&plain, request, work.collation.as_ref(), &before, at) {
-            None => (Before::new(), before),
-            Some(predictions) if predictions.contains(&Prediction::Fails) => return Ok(None),
-            Some(predictions) => {
-                let (mut changing, mut rest) = (Before::new(), Before::new());
-                for (document, prediction) in before.into_iter().zip(predictions) {
-                    match prediction {
-                        Prediction::Changes => changing.push(document),
-                        // The server would count it.
-                        Prediction::Moves => {}
-                        Prediction::Stays | Prediction::Fails => rest.push(document),
-                    }
-                }
-                (changing, rest)
-            }
+        plain: &UpdateSpec,
+        condition: &Document,
+        these: Before,
+        done: &mut Updated,
+    ) -> Result<(), StoreError> {
+        let Work { ns, request, at, .. } = *work;
+        let collation = match &request.modifiers.collation {
+            None if !condition.is_empty() => self.default_collation(ns)?,
+            own => own.clone(),
         };
-        let mut modified = 0;
-        if !changing.is_empty() {
-            modified += transaction.update(of_these(request, with_updated(&plain, at)?, &changing))?.modified;
-        }
-        if !rest.is_empty() {
-            let more = transaction.update(of_these(request, plain, &rest))?.modified;
-            if more > 0 {
-                let find = Find { filter: named::among(&ids(&rest), None), ..Find::default() };
-                let after = transaction.read(&find, usize::MAX)?.unwrap_or_default();
-                transaction.update(dating(changed(&rest, after), at))?;
+        let (differing, alike): (Before, Before) = during(collation.as_ref(), || {
+            let condition = Filter::parse(condition)?;
+            let (mut differing, mut alike) = (Before::new(), Before::new());
+            for document in these {
+                if condition.matches(&document.1)? { differing.push(document) } else { alike.push(document) }
             }
-            modified += more;
+            Ok::<_, QueryError>((differing, alike))
+        })?;
+        if !differing.is_empty() {
+            let asked = among(request, with_updated(plain, at)?, &differing)?;
+            let filter = if condition.is_empty() {
+                asked.filter
+            } else {
+                doc! { "$and": [asked.filter, condition.clone()] }
+            };
+            let sent = self.apply(ns, UpdateRequest { filter, ..asked });
+            let sent = sent.map_err(|error| self.counted(ns, error, (&ids(&differing), at), done.modified))?;
+            add(done, &sent);
+            if !condition.is_empty() && sent.matched < differing.len() as u64 {
+                let kept = self.still_matching(work, plain, &differing, collation.as_ref());
+                let find = among(request, plain.clone(), &differing)?.filter;
+                let find = doc! { "$and": [find, { "$nor": [condition.clone()] }] };
+                let now =
+                    with_ids(self.find(ns, &Find { projection: doc! { "_id": 1 }, ..matching(request, find, 0) })?)?;
+                // To the others, another client has done the same. Those changed here may match as well.
+                done.matched += (now.len() as u64).saturating_sub(sent.matched.min(kept));
+            }
         }
-        Ok(Some(Updated { matched, modified, upserted: None }))
+        self.update_and_date(work, plain.clone(), &alike, done)
+    }
+
+    /// How many of the documents match as an update leaves them.
+    fn still_matching(
+        &self,
+        work: &Work<'_>,
+        plain: &UpdateSpec,
+        these: &Before,
+        collation: Option<&Collation>,
+    ) -> u64 {
+        let Work { request, at, .. } = *work;
+        let count = || {
+            let constants = constants(&request.modifiers.variables)?;
+            let update = plain.compile(&request.array_filters, &constants)?;
+            let filter = Filter::parse_with_constants(&request.filter, &constants)?;
+            let mut count = 0;
+            for (_, body) in these {
+                let after = update.apply(body, &filter, at)?;
+                count += u64::from(filter.matches(after.as_ref().unwrap_or(body))?);
+            }
+            Ok::<_, QueryError>(count)
+        };
+        // What only the server understands is taken to be so still.
+        during(collation, count).unwrap_or(these.len() as u64)
+    }
+
+    /// The same by a statement each.
+    fn update_by_statements(
+        &self,
+        work: &Work<'_>,
+        plain: &UpdateSpec,
+        these: &Before,
+        done: &mut Updated,
+    ) -> Result<(), StoreError> {
+        let Work { ns, request, at, .. } = *work;
+        let dated = with_updated(plain, at)?;
+        let (mut place, mut most) = (0, CHUNK);
+        while let Some((id, _)) = these.get(place) {
+            if stops_work() {
+                return Err(StoreError::Interrupted { done: done.modified });
+            }
+            let mut statements = Vec::new();
+            for (id, body) in these.iter().skip(place).take(most) {
+                match statement(request, plain, &dated, (id, body))? {
+                    Some(statement) => statements.push(statement),
+                    None => break,
+                }
+            }
+            let sent = match statements.is_empty() {
+                true => Sent { done: 0, has_failed: true },
+                false => self.send(ns, request, &statements).map_err(|error| error.after(done.modified))?,
+            };
+            done.matched += sent.done as u64;
+            done.modified += sent.done as u64;
+            if sent.has_failed {
+                // Where others change many of them, few are sent in vain.
+                most = CHUNK.min(2 * sent.done + 8);
+                let failed = these.get(place + sent.done).map_or_else(|| id.clone(), |(id, _)| id.clone());
+                self.update_one_by_one(work, &[failed], done)?;
+                place += 1;
+            } else {
+                most = CHUNK.min(2 * most);
+            }
+            place += sent.done;
+        }
+        Ok(())
     }
 
     /// Updates these documents, those that still match, each by itself.
@@ -327,31 +430,11 @@ impl MongoDb {
                 doc! { "$and": [request.filter.clone(), named::exactly(id, request.modifiers.collation.as_ref())] };
             let find = matching(request, filter, 1);
             let one = self.in_attempts(|_| {
-                let before = with_ids(self.find(ns, &find)?)?;
-                if before.is_empty() {
-                    return Ok(Some(Updated::default()));
-                }
-                let done = self.update_chunk(work, before)?;
+                let Some(found) = with_ids(self.find(ns, &find)?)?.pop() else { return Ok(Some(Updated::default())) };
+                let done = self.update_single(work, found)?;
                 Ok((done.matched > 0).then_some(done))
             });
             add(done, &one.map_err(|error| error.after(done.modified))?);
-        }
-        Ok(())
-    }
-
-    /// Updates those of these documents that still match, on a server without transactions.
-    fn update_what_matches(&self, work: &Work<'_>, these: &[Bson], done: &mut Updated) -> Result<(), StoreError> {
-        let Work { ns, request, at, .. } = *work;
-        let filter =
-            doc! { "$and": [request.filter.clone(), named::among(these, request.modifiers.collation.as_ref())] };
-        let mut before = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
-        // By `_id`s they come in another order, and where one cannot be changed, those before it are.
-        let places: HashMap<Vec<u8>, usize> =
-            these.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
-        before.sort_by_cached_key(|(id, _)| places.get(&key::encode_value(id)).copied());
-        if !before.is_empty() {
-            let more = self.update_chunk(work, before);
-            add(done, &more.map_err(|error| self.counted(ns, error, (these, at), done.modified))?);
         }
         Ok(())
     }
@@ -370,47 +453,26 @@ impl MongoDb {
         }
     }
 
-    /// Updates those of the documents that still match, with the metadata where it is
-    /// predicted that they change.
-    fn update_chunk(&self, work: &Work<'_>, before: Before) -> Result<Updated, StoreError> {
+    /// Updates a document if it still matches, with the metadata where it is predicted that it changes.
+    fn update_single(&self, work: &Work<'_>, document: (Bson, RawDocumentBuf)) -> Result<Updated, StoreError> {
         let Work { ns, request, at, .. } = *work;
+        let before = vec![document];
         let plain = without_metadata(&request.update, &before, at)?;
-        let Some(predictions) = predict(&plain, request, work.collation.as_ref(), &before, at) else {
-            return self.update_then_metadata(ns, request, plain, &before, at);
-        };
-        // Those behind one that cannot be updated stay as they are, unless the server updates that one.
-        let last = predictions.iter().position(|prediction| *prediction == Prediction::Fails).unwrap_or(before.len());
-        let (mut changing, mut rest, mut behind, mut moved) = (Before::new(), Before::new(), Before::new(), 0);
-        for (nth, (document, prediction)) in before.into_iter().zip(predictions).enumerate() {
-            match prediction {
-                _ if nth > last => behind.push(document),
-                Prediction::Changes => changing.push(document),
-                Prediction::Moves => moved += 1,
-                Prediction::Stays | Prediction::Fails => rest.push(document),
+        let prediction = predict(&plain, request, work.collation.as_ref(), &before, at);
+        match (prediction.and_then(|all| all.first().copied()), before.as_slice()) {
+            (Some(Prediction::Moves), _) => Ok(Updated { matched: 1, ..Updated::default() }),
+            (Some(Prediction::Changes), [(_, body)]) => {
+                let mut asked = among(request, with_updated(&plain, at)?, &before)?;
+                let may_be_done = may_be_done_by_others(&plain);
+                if may_be_done {
+                    let unchanged = as_read(body, &asked)?;
+                    asked.filter = doc! { "$and": [asked.filter, unchanged] };
+                }
+                let done = self.apply(ns, asked)?;
+                if may_be_done && done.matched == 0 { self.update_changed_by_others(work, &before) } else { Ok(done) }
             }
+            _ => self.update_then_metadata(ns, request, plain, &before, at),
         }
-        // Those that are not changed are not sent.
-        let mut done = Updated { matched: moved, ..Updated::default() };
-        if !changing.is_empty() {
-            let mut asked = among(request, with_updated(&plain, at)?, &changing)?;
-            let single = match changing.as_slice() {
-                [(_, body)] if may_be_done_by_others(&plain) => Some(body),
-                _ => None,
-            };
-            if let Some(body) = single {
-                let unchanged = as_read(body, &asked)?;
-                asked.filter = doc! { "$and": [asked.filter, unchanged] };
-            }
-            let sent = self.apply(ns, asked)?;
-            add(&mut done, &sent);
-            if single.is_some() && sent.matched == 0 {
-                add(&mut done, &self.update_changed_by_others(work, &changing)?);
-            }
-        }
-        for others in [rest, behind].iter().filter(|others| !others.is_empty()) {
-            add(&mut done, &self.update_then_metadata(ns, request, plain.clone(), others, at)?);
-        }
-        Ok(done)
     }
 
     /// Updates a document that others changed meanwhile, which may have what the update gives already.
@@ -471,20 +533,6 @@ fn changed(before: &Before, after: Before) -> Vec<Bson> {
 fn dating(changed: Vec<Bson>, at: DateTime) -> UpdateRequest {
     let update = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
     UpdateRequest { filter: named::among(&changed, None), update, many: true, ..UpdateRequest::default() }
-}
-
-/// The request for documents that are as they were read. What does not compare needs neither filter nor collation, with which
-/// a document is not found by its `_id`.
-fn of_these(request: &UpdateRequest, update: UpdateSpec, these: &Before) -> UpdateRequest {
-    let modifiers = request.modifiers.without_hint();
-    let (filter, modifiers) = match compares(request) {
-        true => {
-            let these = named::among(&ids(these), request.modifiers.collation.as_ref());
-            (doc! { "$and": [request.filter.clone(), these] }, modifiers)
-        }
-        false => (named::among(&ids(these), None), Modifiers { collation: None, ..modifiers }),
-    };
-    UpdateRequest { filter, update, upsert: false, modifiers, ..request.clone() }
 }
 
 /// The query for matches of an update, at most so many (0 for all), by another filter.

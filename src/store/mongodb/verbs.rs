@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
-use mongodb::sync::ClientSession;
 
 use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
@@ -514,29 +513,15 @@ impl MongoDb {
 
     /// Updates in the server's own way.
     pub(super) fn apply(&self, ns: &Namespace, request: UpdateRequest) -> Result<Updated, StoreError> {
-        self.asked(ns, request, None)?.map_err(|e| failure::explain_change(&self.address, ns, &e))
-    }
-
-    /// The same, with the driver's error; in a transaction, where there is one.
-    pub(super) fn asked(
-        &self,
-        ns: &Namespace,
-        request: UpdateRequest,
-        session: Option<&mut ClientSession>,
-    ) -> Result<mongodb::error::Result<Updated>, QueryError> {
         let UpdateRequest { filter, update, array_filters, many, upsert, modifiers } = request;
         let asked = Asked { filter, many, upsert, modifiers: &modifiers };
         let changed = match update {
-            UpdateSpec::Document(document) if is_replacement(&document) => {
-                self.replace(ns, asked, &document, session)?
-            }
-            UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters, session)?,
-            UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters, session)?,
+            UpdateSpec::Document(document) if is_replacement(&document) => self.replace(ns, asked, &document)?,
+            UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters)?,
+            UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters)?,
         };
-        Ok(changed.map(|changed| {
-            let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
-            Updated { matched, modified, upserted }
-        }))
+        let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
+        Ok(Updated { matched, modified, upserted })
     }
 
     fn modify(
@@ -545,8 +530,7 @@ impl MongoDb {
         asked: Asked<'_>,
         changes: UpdateModifications,
         array_filters: Vec<Document>,
-        session: Option<&mut ClientSession>,
-    ) -> Result<mongodb::error::Result<UpdateResult>, QueryError> {
+    ) -> Result<UpdateResult, StoreError> {
         let collection = self.collection(ns);
         let mut action = match asked.many {
             true => collection.update_many(asked.filter, changes),
@@ -556,30 +540,20 @@ impl MongoDb {
         if !array_filters.is_empty() {
             action = action.array_filters(array_filters);
         }
-        if let Some(session) = session {
-            action = action.session(session);
-        }
-        Ok(action.upsert(asked.upsert).run())
+        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 
-    fn replace(
-        &self,
-        ns: &Namespace,
-        asked: Asked<'_>,
-        replacement: &Document,
-        session: Option<&mut ClientSession>,
-    ) -> Result<mongodb::error::Result<UpdateResult>, QueryError> {
+    fn replace(&self, ns: &Namespace, asked: Asked<'_>, replacement: &Document) -> Result<UpdateResult, StoreError> {
         if asked.many {
-            return Err(QueryError::failed_to_parse("a replacement document cannot be applied to many documents"));
+            return Err(
+                QueryError::failed_to_parse("a replacement document cannot be applied to many documents").into()
+            );
         }
-        let body = RawDocumentBuf::try_from(replacement)?;
+        let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
         let collection = self.collection(ns);
         let action = collection.replace_one(asked.filter, body);
-        let mut action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
-        if let Some(session) = session {
-            action = action.session(session);
-        }
-        Ok(action.upsert(asked.upsert).run())
+        let action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
+        action.upsert(asked.upsert).run().map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
 }
 
