@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use bson::{Bson, Document};
+use bson::Document;
 
 use super::MongoDb;
+use super::named::has_operator;
 use crate::interrupt::stops_work;
 use crate::query::random_up_to;
 use crate::store::StoreError;
@@ -56,12 +57,7 @@ pub(super) fn choices(filter: &Document, attempt: u32) -> u64 {
 
 /// Whether the first match is the nearest one.
 fn has_order(filter: &Document) -> bool {
-    let within = |value: &Bson| match value {
-        Bson::Document(fields) => has_order(fields),
-        Bson::Array(items) => items.iter().filter_map(Bson::as_document).any(has_order),
-        _ => false,
-    };
-    filter.iter().any(|(name, value)| matches!(name.as_str(), "$near" | "$nearSphere" | "$geoNear") || within(value))
+    has_operator(filter, &["$near", "$nearSphere", "$geoNear"])
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The `_id`s of documents, and filters for documents with known ones.
+//! The `_id`s of documents, filters for documents with known ones, and what filters have.
 
 use bson::{Bson, Document, RawDocument, doc};
 
@@ -74,4 +74,14 @@ pub(super) fn among(ids: &[Bson], collation: Option<&Collation>) -> Document {
 /// A filter that matches nothing and contains another, so that it is checked.
 pub(super) fn none_of(filter: &Document) -> Document {
     doc! { "$and": [filter.clone(), { "_id": { "$in": [] } }] }
+}
+
+/// Whether a filter has one of these operators somewhere.
+pub(super) fn has_operator(filter: &Document, operators: &[&str]) -> bool {
+    let within = |value: &Bson| match value {
+        Bson::Document(fields) => has_operator(fields, operators),
+        Bson::Array(items) => items.iter().filter_map(Bson::as_document).any(|item| has_operator(item, operators)),
+        _ => false,
+    };
+    filter.iter().any(|(name, value)| operators.contains(&name.as_str()) || within(value))
 }

@@ -6,12 +6,16 @@
 
 use bson::{Bson, Document, RawDocumentBuf, doc};
 
+use super::named::has_operator;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::{Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 /// About how many bytes of statements one command has.
 const MOST_BYTES: usize = 8 << 20;
+
+/// Operators of filters that the server does not take for an upsert.
+const NOT_FOR_UPSERTS: [&str; 7] = ["$expr", "$where", "$near", "$nearSphere", "$geoNear", "$text", "$sampleRate"];
 
 /// What the server did of several statements.
 pub(super) struct Sent {
@@ -88,18 +92,19 @@ pub(super) fn statement(
             let Bson::Document(insertion) = insertion else { return Ok(None) };
             insertion.insert("_id", doc! { "not": id });
             let Some(touched) = touched(plain).filter(|touched| touched.iter().all(is_plain)) else { return Ok(None) };
-            let conditions = if request.modifiers.collation.is_none() && goes_with_upsert(&request.filter) {
-                let as_read = |name: &String| match before.get(name) {
-                    Some(value) => doc! { name: { "$eq": value } },
-                    None => doc! { name: { "$exists": false } },
+            let conditions =
+                if request.modifiers.collation.is_none() && !has_operator(&request.filter, &NOT_FOR_UPSERTS) {
+                    let as_read = |name: &String| match before.get(name) {
+                        Some(value) => doc! { name: { "$eq": value } },
+                        None => doc! { name: { "$exists": false } },
+                    };
+                    std::iter::once(request.filter.clone()).chain(touched.iter().map(as_read)).collect()
+                } else if is_positional(plain) {
+                    // Which element `$` is depends on the filter.
+                    return Ok(None);
+                } else {
+                    whole(&before)
                 };
-                std::iter::once(request.filter.clone()).chain(touched.iter().map(as_read)).collect()
-            } else if is_positional(plain) {
-                // Which element `$` is depends on the filter.
-                return Ok(None);
-            } else {
-                whole(&before)
-            };
             (conditions, Bson::Document(update))
         }
         UpdateSpec::Pipeline(mut stages) if before.len() > 1 => {
@@ -150,17 +155,6 @@ fn is_positional(update: &UpdateSpec) -> bool {
     let UpdateSpec::Document(update) = update else { return false };
     let mut paths = update.values().filter_map(Bson::as_document).flat_map(Document::keys);
     paths.any(|path| path.split('.').any(|part| part == "$"))
-}
-
-/// Whether the server takes a filter for an upsert, too.
-fn goes_with_upsert(filter: &Document) -> bool {
-    let within = |value: &Bson| match value {
-        Bson::Document(fields) => goes_with_upsert(fields),
-        Bson::Array(items) => items.iter().filter_map(Bson::as_document).all(goes_with_upsert),
-        _ => true,
-    };
-    let refused = ["$expr", "$where", "$near", "$nearSphere", "$geoNear", "$text", "$sampleRate"];
-    filter.iter().all(|(name, value)| !refused.contains(&name.as_str()) && within(value))
 }
 
 #[cfg(test)]

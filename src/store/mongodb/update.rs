@@ -230,13 +230,14 @@ impl MongoDb {
         let Work { ns, request, .. } = *work;
         let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
         let find = Find { modifiers: request.modifiers.without_hint(), ..matching(request, these, 0) };
-        let Some(mut before) = self.read(ns, &find)? else { return Ok(None) };
+        let Some(before) = self.read(ns, &find)? else { return Ok(None) };
         let places: HashMap<Vec<u8>, usize> =
             ids.iter().enumerate().map(|(place, id)| (key::encode_value(id), place)).collect();
-        // With a collation, texts that differ may be equal.
-        before.retain(|(id, _)| places.contains_key(&key::encode_value(id)));
-        before.sort_by_cached_key(|(id, _)| places.get(&key::encode_value(id)).copied());
-        Ok(Some(before))
+        // With a collation, texts that differ may be equal: the others have no place.
+        let place = |document: (Bson, RawDocumentBuf)| Some((*places.get(&key::encode_value(&document.0))?, document));
+        let mut placed: Vec<_> = before.into_iter().filter_map(place).collect();
+        placed.sort_by_key(|(place, _)| *place);
+        Ok(Some(placed.into_iter().map(|(_, document)| document).collect()))
     }
 
     /// Updates documents as they were read, up to one that cannot be updated.
@@ -332,18 +333,18 @@ impl MongoDb {
         })?;
         if !differing.is_empty() {
             let asked = among(request, with_updated(plain, at)?, &differing)?;
+            let these = asked.filter.clone();
             let filter = if condition.is_empty() {
                 asked.filter
             } else {
-                doc! { "$and": [asked.filter, condition.clone()] }
+                doc! { "$and": [&these, condition] }
             };
             let sent = self.apply(ns, UpdateRequest { filter, ..asked });
             let sent = sent.map_err(|error| self.counted(ns, error, (&ids(&differing), at), done.modified))?;
             add(done, &sent);
             if !condition.is_empty() && sent.matched < differing.len() as u64 {
                 let kept = self.still_matching(work, plain, &differing, collation.as_ref());
-                let find = among(request, plain.clone(), &differing)?.filter;
-                let find = doc! { "$and": [find, { "$nor": [condition.clone()] }] };
+                let find = doc! { "$and": [these, { "$nor": [condition] }] };
                 let now =
                     with_ids(self.find(ns, &Find { projection: doc! { "_id": 1 }, ..matching(request, find, 0) })?)?;
                 // To the others, another client has done the same. Those changed here may match as well.
