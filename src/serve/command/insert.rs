@@ -33,7 +33,7 @@ fn insert(memory: &Memory, call: &Call) -> Answer {
                 call.statements.note(start..start + stored, &Effect::Inserted);
                 outcome.n += stored as u64;
                 start += stored;
-                size *= 2;
+                size = size.saturating_mul(2);
             }
             Err(error) => {
                 let stored = error.stored().len();
