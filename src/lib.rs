@@ -137,6 +137,7 @@ pub mod error;
 pub mod exit;
 pub mod fault;
 pub mod interrupt;
+mod monotonic;
 mod saturate;
 
 use std::ffi::OsString;

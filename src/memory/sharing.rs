@@ -1,7 +1,6 @@
 //! What a server needs of a memory that it shares among clients.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use bson::{DateTime, Document};
 
@@ -263,8 +262,8 @@ impl Memory {
     ///
     /// # Errors
     /// Where the store keeps none.
-    pub fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
-        self.routes.scoped(scope)?.keep_changes(scope, age)
+    pub fn keep_changes(&self, scope: &Scope, since: DateTime) -> Result<Kept, StoreError> {
+        self.routes.scoped(scope)?.keep_changes(scope, since)
     }
 
     /// See [`Store::release_changes`].

@@ -14,8 +14,22 @@ use crate::store::{
     UpdateRequest, Updated,
 };
 
-/// The collection, in each database, of what writes were answered; no client lists it.
+/// The collection of what writes were answered; no client lists it.
 pub(super) const RECORDS: &str = "rmem.retries";
+
+/// The database where that is for all databases in a file.
+pub(super) const OF_FILES: &str = "config";
+
+/// Where it is for the writes in a database: of those in a file, in one place, which stays when the database is dropped; of
+/// a shared database, in itself, since it may be in another store.
+pub(super) fn records(memory: &Memory, database: &str) -> Namespace {
+    let database = if memory.is_shared(&in_database(database)) { database } else { OF_FILES };
+    in_database(database)
+}
+
+fn in_database(database: &str) -> Namespace {
+    Namespace { database: database.to_owned(), collection: RECORDS.to_owned() }
+}
 
 /// Where `_robmem_info` is kept, and whether clients see it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

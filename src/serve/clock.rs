@@ -1,15 +1,20 @@
 //! Times of operations as MongoDB writes them: seconds, and a count within the second.
 //!
-//! The count is the milliseconds times [`PER_MILLISECOND`], and a number that grows within the millisecond.
+//! The count is the milliseconds times [`PER_MILLISECOND`], and within the millisecond the number of the change, which grows,
+//! times [`PER_CHANGE`]: between two changes others write of whose changes nothing is kept.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bson::{DateTime, Timestamp};
 
+use crate::monotonic;
+
 /// So many times are within a millisecond: with those of a second, nearly all that 32 bits can count.
 const PER_MILLISECOND: u32 = 4_000_000;
+/// So many times are from a change to the next.
+const PER_CHANGE: i64 = 10;
 
-/// Gives times that grow.
+/// Gives times that do not go back.
 #[derive(Debug, Default)]
 pub(super) struct Clock {
     last: AtomicU64,
@@ -18,9 +23,15 @@ pub(super) struct Clock {
 }
 
 impl Clock {
+    /// The time.
+    pub(super) fn now(&self) -> Timestamp {
+        let now = packed(of(monotonic::now(), 0));
+        unpacked(self.last.fetch_max(now, Ordering::Relaxed).max(now))
+    }
+
     /// The time, later than all that were given.
     pub(super) fn tick(&self) -> Timestamp {
-        let now = packed(of(DateTime::now(), 0));
+        let now = packed(of(monotonic::now(), 0));
         let last = self.last.fetch_max(now, Ordering::Relaxed);
         if now > last {
             return unpacked(now);
@@ -30,11 +41,26 @@ impl Clock {
 
     /// Notes that a client has written, and returns when: at the time of its last change, where that is kept.
     pub(super) fn wrote(&self, change: Option<Timestamp>) -> Timestamp {
-        let time = change.unwrap_or_else(|| self.tick());
-        // All times that are given from now on are later.
+        let time = change.unwrap_or_else(|| {
+            let time = self.now();
+            // What is told from now on is later than a write of which nothing is kept.
+            self.tick();
+            time
+        });
         self.last.fetch_max(packed(time), Ordering::Relaxed);
         self.written.fetch_max(packed(time), Ordering::Relaxed);
         time
+    }
+
+    /// Whether a time was told already, or a later one: a change may not have it.
+    pub(super) fn has_told(&self, time: Timestamp) -> bool {
+        packed(time) <= self.last.load(Ordering::Relaxed)
+    }
+
+    /// Makes what is changed from now on later than all times that were told.
+    pub(super) fn move_on(&self) {
+        let last = date(unpacked(self.last.load(Ordering::Relaxed)));
+        monotonic::advance(DateTime::from_millis(last.timestamp_millis().saturating_add(1)));
     }
 
     /// When a client wrote last; none where none has.
@@ -47,7 +73,8 @@ impl Clock {
 pub(super) fn of(time: DateTime, number: i64) -> Timestamp {
     let millis = time.timestamp_millis();
     let per_millisecond = i64::from(PER_MILLISECOND);
-    let part = millis.rem_euclid(1000) * per_millisecond + number.rem_euclid(per_millisecond - 1) + 1;
+    let within = number.rem_euclid(per_millisecond / PER_CHANGE - 1) * PER_CHANGE + 1;
+    let part = millis.rem_euclid(1000) * per_millisecond + within;
     let (time, increment) = (u32::try_from(millis.div_euclid(1000)), u32::try_from(part));
     Timestamp { time: time.unwrap_or(u32::MAX), increment: increment.unwrap_or(u32::MAX) }
 }
@@ -77,6 +104,22 @@ mod tests {
         let clock = Clock::default();
         let times: Vec<u64> = (0..1000).map(|_| packed(clock.tick())).collect();
         assert!(times.is_sorted_by(|a, b| a < b));
+    }
+
+    #[test]
+    fn a_change_is_later_than_what_was_told_before_it() {
+        let clock = Clock::default();
+        let change = |number| of(monotonic::now(), number);
+        for number in 0..20 {
+            // Others write, of whose changes nothing is kept.
+            let told = (0..number).map(|_| clock.wrote(None)).last().unwrap_or(clock.now()).max(clock.now());
+            if clock.has_told(change(number)) {
+                clock.move_on();
+            }
+            let time = change(number);
+            assert!(time > told && !clock.has_told(time), "{number}");
+            assert_eq!((clock.wrote(Some(time)), clock.now() >= time), (time, true));
+        }
     }
 
     #[test]

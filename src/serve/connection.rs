@@ -234,7 +234,7 @@ fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
     };
     if form == Form::Msg {
         let is_dated = matches!(reply.get(OPERATION_TIME), Ok(Some(_)));
-        let now = server.clock.tick();
+        let now = server.clock.now();
         let mut time = RawDocumentBuf::new();
         time.append(cstr!("clusterTime"), now);
         time.append(cstr!("signature"), &**SIGNATURE);

@@ -13,6 +13,7 @@ mod abandoned;
 mod access;
 mod activity;
 mod address;
+mod age;
 mod attempt;
 mod auth;
 mod behind;

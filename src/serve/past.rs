@@ -34,7 +34,7 @@ pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: rea
     }
     let asked = call.request.at_cluster_time();
     let time = asked.unwrap_or_else(|| host.server.clock.tick());
-    if clock::packed(time) > clock::packed(host.server.clock.tick()) {
+    if clock::packed(time) > clock::packed(host.server.clock.now()) {
         let message = "readConcern atClusterTime value must not be greater than the current clusterTime.";
         return Err(Failure::new(codes::INVALID_OPTIONS, message));
     }

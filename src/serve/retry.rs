@@ -1,30 +1,26 @@
 //! Writes that are done once, however often they are sent.
 //!
 //! A driver that lost its connection does not know whether its write was done, and sends it again with the same
-//! session and number. What its statements did is kept in the collection `rmem.retries` of the database, in
+//! session and number. What its statements did is kept in the collection `rmem.retries` of `config`, in
 //! the write itself: a server that is killed and started again knows it, too.
 //!
-//! A record is `{_id: SESSION, number, at, done: [RUN, …]}`. Where `done` does not fit into a document, it is cut into
+//! A record is `{_id: SESSION, number, at, done: [RUN, …]}`, where `done` of a transaction is empty. Where `done` does not fit into a document, it is cut into
 //! parts `{_id: {session, part}, number, at, bytes}`, of which the record has the count (`parts`).
+
+use std::time::Instant;
 
 use bson::spec::BinarySubtype;
 use bson::{Binary, Bson, DateTime, Document, doc};
 
-use super::access::RECORDS;
+use super::access::{OF_FILES, RECORDS, records};
 use super::failure::{Failure, codes};
-use super::session::{Finished, Once, SessionId};
+use super::session::{Finished, How, Once, SessionId};
 use super::statements::Repeatable;
 use crate::memory::Memory;
 use crate::store::{Find, Namespace, StoreError};
 
 /// At most so many bytes of `done` are in one document, which has 16 MiB at most.
 const LARGEST_PART: usize = 8 << 20;
-/// How long it is kept: longer than a session lives, and than changes of a transaction are kept.
-const KEPT: i64 = 65 * 60 * 1000;
-
-fn records(ns: &Namespace) -> Namespace {
-    Namespace { database: ns.database.clone(), collection: RECORDS.to_owned() }
-}
 
 /// Recalls what the statements of a write did when they were sent before.
 ///
@@ -41,27 +37,27 @@ pub(super) fn recall(
         Some(last) if last.number > once.number => return Err(too_old(once, last.number)),
         _ => {}
     }
-    let Some(record) = record(memory, ns, &once.session)? else { return Ok(()) };
+    let Some(record) = record(memory, &ns.database, &once.session)? else { return Ok(()) };
     match record.get_i64("number").unwrap_or_default() {
         number if number > once.number => Err(too_old(once, number)),
-        number if number == once.number => statements.recall(&done(memory, ns, once, &record)?),
+        number if number == once.number => statements.recall(&done(memory, &ns.database, once, &record)?),
         _ => Ok(()),
     }
 }
 
-fn record(memory: &Memory, ns: &Namespace, session: &SessionId) -> Result<Option<Document>, Failure> {
-    kept(memory, ns, session.to_bson())
+fn record(memory: &Memory, database: &str, session: &SessionId) -> Result<Option<Document>, Failure> {
+    kept(memory, database, session.to_bson())
 }
 
 /// What the statements of a write did, as its record or its parts have it.
-fn done(memory: &Memory, ns: &Namespace, once: &Once, record: &Document) -> Result<Vec<Bson>, Failure> {
+fn done(memory: &Memory, database: &str, once: &Once, record: &Document) -> Result<Vec<Bson>, Failure> {
     let Ok(parts) = record.get_i32("parts") else {
         return Ok(record.get_array("done").cloned().unwrap_or_default());
     };
     let damaged = || Failure::new(codes::INTERNAL, format!("what was kept of a write of {} is damaged", once.session));
     let mut bytes = Vec::new();
     for part in 0..parts {
-        let part = kept(memory, ns, part_id(once, part))?.ok_or_else(damaged)?;
+        let part = kept(memory, database, part_id(once, part))?.ok_or_else(damaged)?;
         if part.get_i64("number").ok() != Some(once.number) {
             return Err(damaged());
         }
@@ -78,8 +74,8 @@ fn part_id(once: &Once, part: i32) -> Bson {
     doc! { "session": once.session.to_bson(), "part": part }.into()
 }
 
-fn kept(memory: &Memory, ns: &Namespace, id: Bson) -> Result<Option<Document>, Failure> {
-    let records = records(ns);
+fn kept(memory: &Memory, database: &str, id: Bson) -> Result<Option<Document>, Failure> {
+    let records = records(memory, database);
     let find = Find { filter: doc! { "_id": { "$eq": id } }, ..Find::default() };
     let found = memory.bare(&records)?.find(&records, &find)?.next().transpose()?;
     Ok(found.map(|raw| Document::try_from(&*raw)).transpose()?)
@@ -96,16 +92,16 @@ pub(super) fn too_old(once: &Once, last: i64) -> Failure {
 
 /// Keeps what the statements of a write did. In the write only.
 pub(super) fn keep(memory: &Memory, ns: &Namespace, write: &Repeatable) -> Result<(), Failure> {
-    write.statements.to_be_kept().map_or(Ok(()), |done| put(memory, ns, &write.once, done))
+    write.statements.to_be_kept().map_or(Ok(()), |done| put(memory, &ns.database, &write.once, done))
 }
 
 /// Keeps that a transaction was committed. In the transaction only.
-pub(super) fn keep_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Result<(), Failure> {
-    put(memory, ns, once, Vec::new())
+pub(super) fn keep_committed(memory: &Memory, once: &Once) -> Result<(), Failure> {
+    put(memory, OF_FILES, once, Vec::new())
 }
 
-fn put(memory: &Memory, ns: &Namespace, once: &Once, done: Vec<Document>) -> Result<(), Failure> {
-    let records = records(ns);
+fn put(memory: &Memory, database: &str, once: &Once, done: Vec<Document>) -> Result<(), Failure> {
+    let records = records(memory, database);
     memory.bare(&records)?.put(&records, documents(once, done)?, None)?;
     Ok(())
 }
@@ -131,15 +127,16 @@ fn documents(once: &Once, done: Vec<Document>) -> Result<Vec<Document>, Failure>
     Ok(documents)
 }
 
-/// Whether a transaction of this number was committed, as far as is kept.
-pub(super) fn is_committed(memory: &Memory, ns: &Namespace, once: &Once) -> Result<bool, Failure> {
-    let record = record(memory, ns, &once.session)?;
-    Ok(record.is_some_and(|record| record.get_i64("number").ok() == Some(once.number)))
+/// What a session did last, as far as is kept.
+pub(super) fn last(memory: &Memory, session: &SessionId) -> Result<Option<Finished>, Failure> {
+    let Some(record) = record(memory, OF_FILES, session)? else { return Ok(None) };
+    let is_transaction = record.get_array("done").is_ok_and(Vec::is_empty);
+    let how = if is_transaction { How::Committed } else { How::Write };
+    Ok(record.get_i64("number").ok().map(|number| Finished { number, how, at: Instant::now() }))
 }
 
-/// Removes what is kept longer than any session lives.
-pub(super) fn sweep(memory: &Memory) -> Result<(), StoreError> {
-    let before = DateTime::from_millis(DateTime::now().timestamp_millis() - KEPT);
+/// Removes what was kept before a time.
+pub(super) fn sweep(memory: &Memory, before: DateTime) -> Result<(), StoreError> {
     for records in memory.collections_in_files()?.into_iter().filter(|ns| ns.collection == RECORDS) {
         memory.bare(&records)?.delete(&records, (&doc! { "at": { "$lt": before } }).into(), false)?;
     }

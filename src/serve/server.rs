@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use bson::DateTime;
 
 use super::access::Metadata;
+use super::age::Ages;
 use super::auth::Users;
 use super::behind::Behind;
 use super::busy_poll::BusyPoll;
@@ -71,6 +72,7 @@ pub struct Server {
     pub(super) behind: Behind,
     pub(super) readings: Readings,
     pub(super) clock: Clock,
+    pub(super) ages: Ages,
     pub(super) turns: Turns,
     pub(super) busy_poll: BusyPoll,
     files: Files,
@@ -118,6 +120,7 @@ impl Server {
             behind: Behind::default(),
             readings: Readings::default(),
             clock: Clock::default(),
+            ages: Ages::new(),
             turns: Turns::default(),
             busy_poll,
             files: Files::default(),

@@ -12,7 +12,6 @@ use bson::{Binary, Timestamp};
 
 use super::call::Call;
 use super::changes::Joined;
-use super::clock;
 use super::command;
 use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
@@ -20,6 +19,7 @@ use super::job::{Action, Committer, Job, Step};
 use super::mailbox::{Inbox, Reply};
 use super::panic;
 use super::retry;
+use super::server::Server;
 use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, superseded};
 use super::snapshot::Snapshot;
 use super::write;
@@ -32,31 +32,37 @@ const BEGIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often a transaction that waits checks whether it has waited long enough.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Where what is kept of transactions is.
-fn records() -> Namespace {
-    Namespace { database: "config".to_owned(), collection: "transactions".to_owned() }
-}
-
 /// Does a step where no transaction is open: the first of one, or one that comes too late.
 pub(super) fn run(context: &mut WriterContext<'_>, step: Step) {
-    let last = context.server.sessions.last(&step.once.session);
+    let last = match last(context, &step) {
+        Ok(last) => last,
+        Err(failure) => return step.reply.answer(Err(failure)),
+    };
     match step.action {
         Action::Run { starts: true, ns, call, snapshot } if last.is_none_or(|last| last.number < step.once.number) => {
             let first = First { call, snapshot, reply: step.reply };
             Open { once: step.once, until: Instant::now() + TRANSACTION_LIMIT }.live(context, ns, first);
         }
-        action => step.reply.answer(late(context, &step.once, &action, last)),
+        action => step.reply.answer(late(&step.once, &action, last)),
+    }
+}
+
+/// What the session of a step did last: where this process does not know, what is kept of it.
+fn last(context: &WriterContext<'_>, step: &Step) -> Result<Option<Finished>, Failure> {
+    match context.server.sessions.last(&step.once.session) {
+        None => retry::last(context.memory.get()?, &step.once.session),
+        last => Ok(last),
     }
 }
 
 /// The answer to a step of a transaction that is not open.
-fn late(context: &WriterContext<'_>, once: &Once, action: &Action, last: Option<Finished>) -> Answer {
+fn late(once: &Once, action: &Action, last: Option<Finished>) -> Answer {
     let last = last.filter(|last| last.number >= once.number);
     let is_committed = match last {
         Some(last) if last.number > once.number => return Err(superseded(once, last.number)),
         Some(_) if matches!(action, Action::Run { starts: true, .. }) => return Err(started(once)),
         Some(last) => last.how == How::Committed,
-        None => retry::is_committed(context.memory.get()?, &records(), once)?,
+        None => false,
     };
     match (action, is_committed) {
         (Action::Commit(_), true) => host::empty(),
@@ -119,7 +125,7 @@ impl Open {
                     _ => None,
                 };
                 end = Some(ended);
-                time = self.note(memory, &ns, committer.ok_or_else(|| undone(memory))?)?;
+                time = self.note(context.server, memory, &ns, committer.ok_or_else(|| undone(memory))?)?;
                 Ok(())
             };
             memory.as_one(&ns, work)?;
@@ -153,14 +159,22 @@ impl Open {
     }
 
     /// Notes, in the transaction, that it was committed, and which changes are its own; returns their time.
-    fn note(&self, memory: &Memory, ns: &Namespace, committer: Committer) -> Result<Option<Timestamp>, StoreError> {
-        let kept = retry::keep_committed(memory, &records(), &self.once);
+    fn note(
+        &self,
+        server: &Server,
+        memory: &Memory,
+        ns: &Namespace,
+        committer: Committer,
+    ) -> Result<Option<Timestamp>, StoreError> {
+        let kept = retry::keep_committed(memory, &self.once);
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })?;
-        let Some(noted) = memory.bare(ns)?.join_changes()? else { return Ok(None) };
+        let store = memory.bare(ns)?;
+        let time = write::time_of(server, store, store.join_changes()?)?;
+        let Some(noted) = store.noted_changes()? else { return Ok(None) };
         let mut lsid = self.once.session.to_document();
         lsid.insert("uid", Binary { subtype: BinarySubtype::Generic, bytes: committer.to_vec() });
         Joined::new(noted, lsid, self.once.number).keep(memory, &ns.database)?;
-        Ok(Some(clock::of(noted.time, noted.last)))
+        Ok(time)
     }
 
     fn steps(&self, context: &mut WriterContext<'_>, memory: &Memory, ns: &Namespace, first: First) -> End {
@@ -204,7 +218,7 @@ impl Open {
                     let is_older = step.once.session == self.once.session && step.once.number < self.once.number;
                     step.reply.answer(match is_older {
                         true => Err(superseded(&step.once, self.once.number)),
-                        false => late(context, &step.once, &step.action, last),
+                        false => late(&step.once, &step.action, last),
                     });
                 }
                 Some(job) if self.is_superseded(&job) => break End::Superseded(job),

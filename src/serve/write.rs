@@ -12,7 +12,7 @@ use super::server::Server;
 use super::session::{Finished, Once};
 use super::statements::Repeatable;
 use crate::memory::Memory;
-use crate::store::Namespace;
+use crate::store::{Namespace, NotedChanges, Store, StoreError};
 
 /// The time of what was written or read.
 pub(super) const OPERATION_TIME: &CStr = cstr!("operationTime");
@@ -48,18 +48,36 @@ pub(super) fn step(
         let answer = panic::caught(|| work(memory));
         if is_kept(&answer) {
             repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
-            noted = memory.bare(ns)?.noted_changes()?;
+            let store = memory.bare(ns)?;
+            noted = time_of(server, store, store.noted_changes()?)?;
         }
         answer
     });
     if !is_kept(&answer) {
         return answer;
     }
-    let time = server.clock.wrote(noted.map(|noted| clock::of(noted.time, noted.last)));
+    let time = server.clock.wrote(noted);
     if let Some(Repeatable { once: Once { session, number }, .. }) = repeatable {
         server.sessions.finish(&session, Finished::write(number));
     }
     answer.map(|reply| at(reply, time))
+}
+
+/// The time of the changes of the write that is being done. They are later than all that was told: where the clock was set
+/// back, or much was written of which nothing is kept, they are dated anew.
+pub(super) fn time_of(
+    server: &Server,
+    store: &dyn Store,
+    noted: Option<NotedChanges>,
+) -> Result<Option<Timestamp>, StoreError> {
+    let time = |noted: NotedChanges| clock::of(noted.time, noted.last);
+    match noted.map(time) {
+        Some(told) if server.clock.has_told(told) => {
+            server.clock.move_on();
+            Ok(store.join_changes()?.map(time))
+        }
+        later => Ok(later),
+    }
 }
 
 /// An answer that says when what it is about was written.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
+use super::age::LONGEST;
 use super::failure::{Answer, Failure, codes};
 use super::job::{Job, Work};
 use super::lazy::Lazy;
@@ -147,9 +148,9 @@ impl WriterContext<'_> {
         }
         let Ok(memory) = self.memory.get() else { return };
         // What cannot be done now is done at the next beat.
-        let _ = self.server.scopes.look_after(memory);
+        let _ = self.server.scopes.look_after(memory, &self.server.ages);
         if !self.server.options.read_only {
-            let _ = retry::sweep(memory);
+            let _ = retry::sweep(memory, self.server.ages.ago(LONGEST));
             let _ = memory.expire_due();
         }
         self.server.expire_streams();

@@ -55,7 +55,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf};
 
@@ -223,10 +223,10 @@ pub trait Store: Send {
         let _ = warn;
     }
 
-    /// Keeps the changes of a scope from now on, or goes on doing so; those that are older than
-    /// `age` go. Whoever calls this has to do so again every few seconds.
-    fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
-        let _ = (scope, age);
+    /// Keeps the changes of a scope from now on, or goes on doing so; those from before
+    /// `since` go. Whoever calls this has to do so again every few seconds.
+    fn keep_changes(&self, scope: &Scope, since: DateTime) -> Result<Kept, StoreError> {
+        let _ = (scope, since);
         Err(self.keeps_none())
     }
 

@@ -134,21 +134,21 @@ fn choice<T: Copy>(options: &Document, name: &str, choices: &[(&str, T)]) -> Res
     })
 }
 
-/// While this lives, documents are stored also where they do not pass; then it is as before, also where a write panics.
-pub(super) struct Bypassing<'a> {
-    is_bypassing: &'a Cell<bool>,
+/// While this lives, something is the case; then it is as before, also where what is done meanwhile panics.
+pub(super) struct During<'a> {
+    is_case: &'a Cell<bool>,
     before: bool,
 }
 
-impl<'a> Bypassing<'a> {
-    pub(super) fn begin(is_bypassing: &'a Cell<bool>) -> Self {
-        Self { is_bypassing, before: is_bypassing.replace(true) }
+impl<'a> During<'a> {
+    pub(super) fn begin(is_case: &'a Cell<bool>) -> Self {
+        Self { is_case, before: is_case.replace(true) }
     }
 }
 
-impl Drop for Bypassing<'_> {
+impl Drop for During<'_> {
     fn drop(&mut self) {
-        self.is_bypassing.set(self.before);
+        self.is_case.set(self.before);
     }
 }
 

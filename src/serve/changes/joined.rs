@@ -6,10 +6,10 @@
 use bson::{DateTime, Document, Timestamp, doc};
 
 use crate::memory::Memory;
-use crate::serve::access::RECORDS;
+use crate::serve::access::records;
 use crate::serve::clock;
 use crate::serve::failure::Failure;
-use crate::store::{Change, Find, Namespace, NotedChanges, StoreError};
+use crate::store::{Change, Find, NotedChanges, StoreError};
 
 /// The changes of a transaction.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,12 +72,6 @@ impl Joined {
     pub(super) fn fields(&self) -> Document {
         doc! { "lsid": self.lsid.clone(), "txnNumber": self.number }
     }
-}
-
-/// Where the records of the store of a database are.
-fn records(memory: &Memory, database: &str) -> Namespace {
-    let ns = |database: &str| Namespace { database: database.to_owned(), collection: RECORDS.to_owned() };
-    if memory.is_shared(&ns(database)) { ns(database) } else { ns("config") }
 }
 
 /// The cluster's time of a change, which is that of its transaction where it is of one.

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use bson::{DateTime, Timestamp};
+use bson::Timestamp;
 
 use crate::memory::Memory;
+use crate::serve::age::Ages;
 use crate::serve::clock;
 use crate::store::{Kept, Scope, StoreError};
 
@@ -38,8 +39,9 @@ impl Scopes {
         memory: &Memory,
         scope: &Scope,
         written: Timestamp,
+        ages: &Ages,
     ) -> Result<Kept, StoreError> {
-        let kept = memory.keep_changes(scope, RETENTION)?;
+        let kept = memory.keep_changes(scope, ages.ago(RETENTION))?;
         match kept.is_new {
             true => drop(self.lock().insert(scope.clone(), Watched::since(Some(written)))),
             false => self.touch(scope),
@@ -48,10 +50,9 @@ impl Scopes {
     }
 
     /// Whether changes of a scope at or after a time may be missing: they were not kept yet, or are not kept any more.
-    pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp) -> bool {
-        let age = DateTime::now().timestamp_millis() - clock::date(time).timestamp_millis();
+    pub(in crate::serve) fn may_have_lost(&self, scope: &Scope, time: Timestamp, ages: &Ages) -> bool {
         let since = self.lock().get(scope).and_then(|watched| watched.since);
-        since.is_some_and(|since| time <= since) || u128::try_from(age).is_ok_and(|age| age > RETENTION.as_millis())
+        since.is_some_and(|since| time <= since) || clock::date(time) < ages.ago(RETENTION)
     }
 
     /// Notes that a stream reads a scope.
@@ -60,11 +61,11 @@ impl Scopes {
     }
 
     /// Lets go of what is old, also of what an earlier server has kept.
-    pub(in crate::serve) fn look_after(&self, memory: &Memory) -> Result<(), StoreError> {
+    pub(in crate::serve) fn look_after(&self, memory: &Memory, ages: &Ages) -> Result<(), StoreError> {
         for scope in memory.kept_scopes()? {
             let used = self.lock().entry(scope.clone()).or_insert_with(|| Watched::since(None)).used;
             if used.elapsed() < RETENTION {
-                memory.keep_changes(&scope, RETENTION)?;
+                memory.keep_changes(&scope, ages.ago(RETENTION))?;
             } else {
                 memory.release_changes(&scope)?;
                 self.lock().remove(&scope);

@@ -14,6 +14,7 @@ use super::token::{Token, TokenKind};
 use crate::memory::Memory;
 use crate::query::{Origin, Pipeline, QueryError};
 use crate::serve::access::Metadata;
+use crate::serve::age::Ages;
 use crate::serve::clock;
 use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
 use crate::store::{ChangeKind, Kept, MAX_SIZE, Scope};
@@ -58,7 +59,7 @@ impl Stream {
         memory: &Memory,
         spec: Spec,
         kept: Kept,
-        scopes: &Scopes,
+        (scopes, ages): (&Scopes, &Ages),
         metadata: Metadata,
     ) -> Result<Self, Failure> {
         Pipeline::parse(&spec.stages)?;
@@ -67,7 +68,7 @@ impl Stream {
             Start::Behind(token) => token.position,
             Start::At(time) => {
                 let since = memory.position_at(&spec.scope, clock::date(time))?;
-                if !since.is_whole && scopes.may_have_lost(&spec.scope, time) {
+                if !since.is_whole && scopes.may_have_lost(&spec.scope, time, ages) {
                     let message = "changes between that time and now may not have been kept; read the documents anew";
                     return Err(Failure::new(codes::HISTORY_LOST, message).labeled(NOT_RESUMABLE));
                 }

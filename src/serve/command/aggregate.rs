@@ -250,7 +250,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         call.request.limits(),
         Box::new(move |memory| {
             let written = server.clock.written().unwrap_or(clock::of(server.started, 0));
-            let kept = server.scopes.keep(memory, &scope, written)?;
+            let kept = server.scopes.keep(memory, &scope, written, &server.ages)?;
             raw(&doc! { "from": kept.from, "last": kept.last, "isNew": kept.is_new })
         }),
     )?;
@@ -258,7 +258,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
     let is_new = kept.get_bool("isNew").is_ok_and(|is_new| is_new);
     let kept = crate::store::Kept { from: number("from")?, last: number("last")?, is_new };
     let memory = host.memory()?;
-    let mut stream = Stream::open(memory, spec, kept, &host.server.scopes, call.metadata)?;
+    let mut stream = Stream::open(memory, spec, kept, (&host.server.scopes, &host.server.ages), call.metadata)?;
     let first = stream.next(memory, Some(crate::serve::cursor::first_batch(batch.size)))?;
     let id = if first.is_over {
         0

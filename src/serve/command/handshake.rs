@@ -35,7 +35,7 @@ fn hello(client: &mut Client, server: &Server, request: &Request) -> Answer {
     let fields = request.fields();
     greet(client, server, fields.document("client")?);
     let now = DateTime::now();
-    let time = server.clock.tick();
+    let time = server.clock.now();
     let written = doc! { "ts": time, "t": 1_i64 };
     let primary = if request.name == "hello" { "isWritablePrimary" } else { "ismaster" };
     let mut reply = doc! {

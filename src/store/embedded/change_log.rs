@@ -5,10 +5,11 @@
 //! watcher keeps at most [`LARGEST`] bytes of them, as an oplog has a largest size: past it the
 //! oldest changes are removed, and the watchers that had not taken them are marked.
 
-use bson::{DateTime, RawDocument};
+use bson::RawDocument;
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 
 use super::body;
+use crate::monotonic;
 use crate::saturate::to_i64;
 use crate::store::{ChangeKind, Namespace};
 
@@ -131,7 +132,7 @@ pub(super) fn append(connection: &Connection, ns: &Namespace, noted: Noted<'_>) 
             ns.database,
             ns.collection,
             noted.code(),
-            DateTime::now().timestamp_millis(),
+            monotonic::now().timestamp_millis(),
             noted.before.map(body::seal),
             noted.after.map(body::seal),
             size,

@@ -4,8 +4,6 @@
 //! a collection, or of a database too, stands for all. The row's position lags behind the last
 //! change, so that whoever was disconnected, or finds the server started again, misses nothing.
 
-use std::time::Duration;
-
 use bson::DateTime;
 use rusqlite::{Connection, OptionalExtension as _, params};
 
@@ -17,7 +15,6 @@ use super::snapshot::Snapshot;
 use super::{Embedded, change_log, watcher};
 use crate::process::holder::Holder;
 use crate::query::QueryError;
-use crate::saturate::to_i64;
 use crate::store::{ChangePage, Kept, Namespace, Scope, Since, StoreError};
 
 /// MongoDB's code for changes that are not kept any more.
@@ -26,15 +23,15 @@ const HISTORY_LOST: i32 = 286;
 const PAGE_BYTES: usize = 4 << 20;
 
 impl Embedded {
-    /// Keeps the changes of a scope, and lets go of those that are older than `age`.
-    pub(super) fn retain(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
+    /// Keeps the changes of a scope, and lets go of those from before `since`.
+    pub(super) fn retain(&self, scope: &Scope, since: DateTime) -> Result<Kept, StoreError> {
         if self.place == Place::Memory {
             let reason = "no other process can change a memory in this process, so no changes are kept".to_owned();
             return Err(StoreError::Unfit { address: self.place.to_string(), reason });
         }
         self.write(|| {
             self.look_again();
-            retain(&self.connection, scope, age).map_err(|e| self.explain(&e))
+            retain(&self.connection, scope, since).map_err(|e| self.explain(&e))
         })
     }
 
@@ -158,10 +155,9 @@ impl Embedded {
 }
 
 /// Makes, or moves on, the row of a scope. In a write transaction only.
-fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Result<Kept> {
+fn retain(connection: &Connection, scope: &Scope, since: DateTime) -> rusqlite::Result<Kept> {
     let (pattern, last) = (pattern(scope), change_log::last(connection)?);
     let (holder, now) = (Holder::myself().to_string(), DateTime::now().timestamp_millis());
-    let before = now.saturating_sub(to_i64(age.as_millis()));
     let Some(from) = position(connection, scope)? else {
         // What is kept for a wider scope is kept for this one, too.
         let sql = "SELECT coalesce(min(position), ?3) FROM watchers
@@ -173,7 +169,8 @@ fn retain(connection: &Connection, scope: &Scope, age: Duration) -> rusqlite::Re
         return Ok(Kept { from, last, is_new: from == last });
     };
     let sql = "SELECT coalesce(max(sequence), 0) FROM changes WHERE sequence > ?1 AND time < ?2";
-    let old: i64 = connection.prepare_cached(sql)?.query_row(params![from, before], |row| row.get(0))?;
+    let old: i64 =
+        connection.prepare_cached(sql)?.query_row(params![from, since.timestamp_millis()], |row| row.get(0))?;
     let from = from.max(old);
     let sql = "UPDATE watchers SET position = ?, holder = ?, beat = ? WHERE name = ?";
     connection.prepare_cached(sql)?.execute(params![from, holder, now, name(scope)])?;
@@ -226,6 +223,8 @@ fn name(scope: &Scope) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::store::{ChangeKind, Store as _};
     use bson::doc;
@@ -238,7 +237,7 @@ mod tests {
     fn a_rename_keeps_one_change_for_streams_and_no_document() {
         let folder = tempfile::tempdir().unwrap();
         let store = Embedded::open(folder.path().join("x.rmem")).unwrap();
-        let hour = Duration::from_secs(3600);
+        let hour = DateTime::from_millis(DateTime::now().timestamp_millis() - 3_600_000);
         store.insert(&ns("b"), (0..100).map(|id| doc! { "_id": id }).collect()).unwrap();
         let [b, c] = ["b", "c"].map(|name| Scope::Collection(ns(name)));
         let last = [&b, &c, &Scope::All].map(|scope| store.keep_changes(scope, hour).unwrap().last)[0];
@@ -254,7 +253,7 @@ mod tests {
         // It is kept until the last of them is done with it.
         std::thread::sleep(Duration::from_millis(5));
         for (scope, left) in [(&Scope::All, 1), (&b, 1), (&c, 0)] {
-            store.keep_changes(scope, Duration::ZERO).unwrap();
+            store.keep_changes(scope, DateTime::now()).unwrap();
             assert_eq!(count(), left);
         }
     }
@@ -263,7 +262,7 @@ mod tests {
     fn changes_are_kept_for_a_scope_until_they_are_old() {
         let folder = tempfile::tempdir().unwrap();
         let store = Embedded::open(folder.path().join("x.rmem")).unwrap();
-        let hour = Duration::from_secs(3600);
+        let hour = DateTime::from_millis(DateTime::now().timestamp_millis() - 3_600_000);
         let one = store.keep_changes(&Scope::Collection(ns("b")), hour).unwrap();
         let all = store.keep_changes(&Scope::Database("a".to_owned()), hour).unwrap();
         for name in ["b", "c", "rmem.own"] {
@@ -286,7 +285,7 @@ mod tests {
         store.release_changes(&Scope::Database("a".to_owned())).unwrap();
         assert_eq!(store.kept_scopes().unwrap(), [Scope::Collection(ns("b"))]);
         std::thread::sleep(Duration::from_millis(5));
-        store.keep_changes(&Scope::Collection(ns("b")), Duration::ZERO).unwrap();
+        store.keep_changes(&Scope::Collection(ns("b")), DateTime::now()).unwrap();
         match store.changes(&Scope::Collection(ns("b")), one.last, 100).unwrap_err() {
             StoreError::Query(error) => assert_eq!(error.code, HISTORY_LOST),
             other => panic!("{other}"),

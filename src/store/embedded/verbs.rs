@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bson::{DateTime, Document, RawDocument, RawDocumentBuf, rawdoc};
 
@@ -11,10 +11,11 @@ use super::change_log::Noted;
 use super::indexed::decay;
 use super::snapshot::Snapshot;
 use super::{Embedded, busy, catalog_cache, failure, file};
+use crate::monotonic;
 use crate::query::collation::during;
 use crate::query::{Collation, QueryError};
 use crate::saturate::to_i64;
-use crate::store::validation::Bypassing;
+use crate::store::validation::During;
 use crate::store::{
     Aggregation, ChangePage, Changes, Checked, Choose, Documents, Find, FindAndModify, History, HistoryRule, Index,
     IndexChange, Inserted, Kept, Modified, Name, Namespace, NotedChanges, Put, Query, Scope, Since, Store, StoreError,
@@ -170,7 +171,7 @@ impl Store for Embedded {
     }
 
     fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
-        let _bypassing = Bypassing::begin(&self.is_bypassing);
+        let _bypassing = During::begin(&self.is_bypassing);
         work()
     }
 
@@ -178,8 +179,8 @@ impl Store for Embedded {
         self.warn.replace(Some(warn));
     }
 
-    fn keep_changes(&self, scope: &Scope, age: Duration) -> Result<Kept, StoreError> {
-        self.retain(scope, age)
+    fn keep_changes(&self, scope: &Scope, since: DateTime) -> Result<Kept, StoreError> {
+        self.retain(scope, since)
     }
 
     fn release_changes(&self, scope: &Scope) -> Result<(), StoreError> {
@@ -204,7 +205,7 @@ impl Store for Embedded {
     }
 
     fn join_changes(&self) -> Result<Option<NotedChanges>, StoreError> {
-        self.joined(DateTime::now())
+        self.joined(monotonic::now())
     }
 
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
@@ -268,10 +269,8 @@ impl Store for Embedded {
         let before = {
             let _moment = self.moment()?;
             let version = self.version().map_err(|e| self.explain(&e))?;
-            self.is_reading.set(true);
-            let result = work();
-            self.is_reading.set(false);
-            result.map(|()| version)?
+            let _reading = During::begin(&self.is_reading);
+            work().map(|()| version)?
         };
         Ok(self.version().map_err(|e| self.explain(&e))? == before)
     }
@@ -375,7 +374,9 @@ impl Embedded {
     /// Runs a part of a write transaction; where it fails, it alone is taken back.
     fn step<T>(&self, work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
         self.run("SAVEPOINT step").map_err(|e| self.explain(&e))?;
+        let step = Step(self);
         let result = work();
+        drop(step);
         let rolled_back = self.rolled_back();
         if result.is_err() || rolled_back.is_some() {
             self.indexes.clear();
@@ -523,12 +524,26 @@ impl Embedded {
     }
 }
 
+/// A part of a write transaction, of which nothing is kept where it panics.
+struct Step<'a>(&'a Embedded);
+
+impl Drop for Step<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() && !self.0.connection.is_autocommit() {
+            let _ = self.0.run("ROLLBACK TO step").and_then(|()| self.0.run("RELEASE step"));
+            self.0.indexes.clear();
+            self.0.catalog_cache.forget();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::store::UpdateSpec;
     use bson::doc;
     use std::borrow::Cow;
+    use std::time::Duration;
 
     #[test]
     fn only_what_is_unflushed_does_not_wait_for_the_disk() {
@@ -641,5 +656,32 @@ mod tests {
         assert!(matches!(count(Duration::ZERO), Err(StoreError::Held { .. })));
         assert_eq!(store.find(&ns, &Find::default()).unwrap().count(), 2, "it is read without a limit behind that");
         assert_eq!(count(Duration::from_secs(600)).unwrap(), 2);
+    }
+
+    #[test]
+    fn nothing_is_kept_of_a_part_of_a_write_that_panics() {
+        let store = Embedded::in_memory().unwrap();
+        let ns = Namespace::parse("a.b").unwrap();
+        let insert = |id: i32| store.insert(&ns, vec![doc! { "_id": id }]).map(drop);
+        let caught = |work: &mut dyn FnMut()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).is_err();
+        store
+            .atomically(&mut || {
+                insert(1)?;
+                let has_panicked = caught(&mut || {
+                    let _ = store.atomically(&mut || {
+                        insert(2)?;
+                        store.atomically(&mut || {
+                            insert(3)?;
+                            panic!("a mistake")
+                        })
+                    });
+                });
+                assert!(has_panicked);
+                insert(4)
+            })
+            .unwrap();
+        let found = store.find(&ns, &Find::default()).unwrap();
+        let ids: Vec<i32> = found.map(|found| found.unwrap().get_i32("_id").unwrap()).collect();
+        assert_eq!(ids, [1, 4]);
     }
 }

@@ -17,7 +17,7 @@ use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
 use crate::store::metadata;
 use crate::store::namespace::{NO_COLLECTION, is_internal};
-use crate::store::validation::Bypassing;
+use crate::store::validation::During;
 use crate::store::{
     Aggregation, Changes, Documents, Find, FindAndModify, History, HistoryRule, Index, IndexChange, Inserted,
     Modification, Modified, Modifiers, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec,
@@ -271,7 +271,7 @@ impl Store for MongoDb {
     }
 
     fn unvalidated(&self, work: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), StoreError> {
-        let _bypassing = Bypassing::begin(&self.is_bypassing);
+        let _bypassing = During::begin(&self.is_bypassing);
         work()
     }
 

@@ -9,6 +9,7 @@ use super::{Beside, Case, Served};
 pub(super) const CASES: &[(&str, Case)] = &[
     ("statements_that_connections_send_again_at_once_are_done_once_also_after_kills", at_once),
     ("writes_of_which_much_has_to_be_kept_are_done_once", large),
+    ("a_write_whose_database_was_dropped_since_is_done_once", dropped),
 ];
 
 /// What is compared with the answers of a mongod.
@@ -103,6 +104,10 @@ fn scenarios() -> Vec<Scenario> {
             let update = doc! { "update": "c", "updates": [{ "q": { "_id": 1 }, "u": unknown }] };
             updates.map(modify).chain([update]).collect()
         }),
+        of(&[], {
+            let (half, all): (Vec<i32>, Vec<i32>) = ((0..300).step_by(2).collect(), (0..300).collect());
+            vec![insert(&half, &half), insert(&all, &all)]
+        }),
         of(&[], vec![insert(&[1, 2], &[0]), with(insert(&[1], &[0]), doc! { "stmtId": 0 })]),
         of(&[], vec![with(modify(1, 0), doc! { "stmtIds": [0] }), with(insert(&[1], &[0]), doc! { "stmtIds": ["x"] })]),
         of(&[], vec![with(insert(&[1], &[0]), doc! { "txnNumber": 2_i64 }), insert(&[2], &[1])]),
@@ -194,6 +199,28 @@ fn at_once() -> Result<(), Failed> {
     }
     let found = Wire::connect(served.address())?.run(&doc! { "count": "c", "query": { "n": 1 }, "$db": "a" })?;
     assert_eq!(found.get_i32("n")?, 12);
+    Ok(())
+}
+
+fn dropped() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let mut served = Served::start(folder.path(), &[])?;
+    let own = doc! { "lsid": { "id": bson::Uuid::new() }, "txnNumber": 1_i64, "$db": "a" };
+    let upsert = with(update(&[make(1)], &[0]), own);
+    for restarts in [false, true] {
+        let mut wire = Wire::connect(served.address())?;
+        let answer = wire.run(&upsert)?;
+        assert_eq!(answer.get_array("retriedStmtIds").map_or(0, Vec::len), usize::from(restarts), "{answer}");
+        wire.run(&doc! { "dropDatabase": 1, "$db": "a" })?;
+        if restarts {
+            served.kill()?;
+            served = Served::start(folder.path(), &[])?;
+        }
+        let mut wire = Wire::connect(served.address())?;
+        let again = wire.run(&upsert)?;
+        assert_eq!(again.get_array("retriedStmtIds").map(Vec::len).ok(), Some(1), "{again}");
+        assert_eq!(wire.run(&doc! { "count": "c", "$db": "a" })?.get_i32("n")?, 0);
+    }
     Ok(())
 }
 
