@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel}
 use std::time::{Duration, Instant};
 
 use super::call::Call;
-use super::failure::{Answer, Failure, codes};
+use super::failure::{Answer, Failure, TRANSIENT, codes};
 use super::host::{self, Host};
 use super::lazy::Lazy;
 use super::mailbox::Inbox;
@@ -18,7 +18,7 @@ use super::session::{Finished, How, Once, TRANSACTION_LIMIT, none, started, supe
 use super::snapshot::{Ask, Reading, Snapshot};
 use crate::store::Namespace;
 
-/// At most so many have a thread; others read in the writer's.
+/// At most so many have a thread. One more would read in the writer's, and every write wait for it: it is refused.
 const MOST: usize = 200;
 /// How often a thread checks whether its time is over.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
@@ -62,7 +62,7 @@ fn begin(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command)
     match readings.get(&once.session) {
         Some(reading) if reading.number > once.number => return Err(superseded(once, reading.number)),
         Some(reading) if reading.number == once.number => return Err(started(once)),
-        None if readings.len() >= MOST => return Ok(false),
+        None if readings.len() >= MOST => return Err(too_many()),
         _ => {}
     }
     let (shared, own, ns) = (Arc::clone(server), once.clone(), ns.clone());
@@ -73,6 +73,12 @@ fn begin(server: &Arc<Server>, once: &Once, (ns, command): (&Namespace, Command)
         readings.insert(once.session.clone(), Reading { number: once.number, asks, moved: None });
     }
     Ok(is_begun && is_asked)
+}
+
+/// The failure of a transaction for which there is no thread: drivers begin it again.
+fn too_many() -> Failure {
+    let message = format!("{MOST} transactions that have only read are open, as many as there can be; begin it again");
+    Failure::new(codes::WRITE_CONFLICT, message).labeled(TRANSIENT)
 }
 
 /// Returns the snapshot of a transaction that is going to write, where it has read before: its cursors are read to

@@ -20,6 +20,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("one_process_serves_a_file_and_others_use_it_beside", lock),
     ("what_is_acknowledged_is_in_a_file_that_is_moved_and_the_server_ends", moved),
     ("a_server_whose_file_is_removed_ends_and_makes_no_other", removed),
+    ("a_server_whose_log_is_removed_keeps_what_it_has_acknowledged_and_ends", log_removed),
     ("a_memory_that_is_gone_at_exit_is_served_to_all", in_memory),
     ("a_robot_that_does_not_reach_its_team_is_served", alone),
     ("a_file_is_open_as_often_as_commands_are_worked_at", open_files),
@@ -144,6 +145,27 @@ fn moved() -> Result<(), Failed> {
     std::fs::rename(folder.path().join("old.rmem"), folder.path().join("robot.rmem"))?;
     let (_, printed) = rmem(folder.path(), &["count", "a.c"])?;
     assert!(printed == format!("{count}\n") || printed == format!("{}\n", count + 1), "{count} {printed}");
+    Ok(())
+}
+
+/// The log alone.
+fn log_removed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let (served, mut stderr) = Served::start_heard(folder.path())?;
+    let mut wire = Wire::connect(served.address())?;
+    let insert = |id: i32| doc! { "insert": "c", "documents": [{ "_id": id }], "$db": "a" };
+    for id in 0..10 {
+        assert_eq!(wire.run(&insert(id))?.get_i32("n")?, 1);
+    }
+    std::fs::remove_file(folder.path().join("robot.rmem-wal"))?;
+    if let Ok(answer) = wire.run(&insert(10)) {
+        assert!(answer.get_str("errmsg")?.contains("moved or removed"), "{answer}");
+    }
+    assert_eq!(served.ended()?, Some(4));
+    let mut printed = String::new();
+    stderr.read_to_string(&mut printed)?;
+    assert!(printed.contains("robot.rmem-wal: this log was moved or removed"), "{printed}");
+    assert_eq!(rmem(folder.path(), &["count", "a.c"])?.1, "10\n");
     Ok(())
 }
 

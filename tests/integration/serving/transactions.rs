@@ -24,6 +24,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
+    ("transactions_that_only_read_are_as_many_as_can_be_and_hold_up_no_writer", crowded),
     ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
     ("only_the_first_command_says_what_is_read_and_only_the_last_who_confirms", said),
     ("what_is_of_no_transaction_is_refused_in_one", outside),
@@ -441,7 +442,7 @@ fn failed() -> Result<(), Failed> {
 
 fn late() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
-    let served = Served::start(folder.path(), &[])?;
+    let mut served = Served::start(folder.path(), &[])?;
     let mut session = Session::open(&served)?;
     refused(session.run(5, false, insert(1))?, 251);
     refused(session.end(5, "abortTransaction")?, 251);
@@ -460,7 +461,49 @@ fn late() -> Result<(), Failed> {
         assert!(session.run(number, true, doc! { "find": "c", "filter": { "$bad": 1 } })?.contains_key("code"));
         refused(session.end(number, "commitTransaction")?, 251);
     }
+    // A server that was started again knows the last one that was committed.
+    fine(session.run(20, true, insert(5))?);
+    fine(session.end(20, "commitTransaction")?);
+    served.kill()?;
+    served = Served::start(folder.path(), &[])?;
+    session.wire = Wire::connect(served.address())?;
+    refused(session.run(20, true, insert(6))?, 117);
+    refused(session.run(19, true, insert(6))?, 225);
+    fine(session.end(20, "commitTransaction")?);
+    fine(session.run(21, true, insert(6))?);
+    fine(session.end(21, "commitTransaction")?);
+    assert_eq!(count(&mut session.wire)?, 3);
     Ok(())
+}
+
+/// One that only reads has a thread, of which there are 200.
+fn crowded() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut session = Session::open(&served)?;
+    fine(plain(&mut session.wire, insert(1))?);
+    let mut open = Vec::new();
+    for _ in 0..200 {
+        session.id = bson::Uuid::new().into();
+        fine(session.run(1, true, all())?);
+        open.push(session.id.clone());
+    }
+    session.id = bson::Uuid::new().into();
+    let answer = session.run(1, true, all())?;
+    assert!(answer.get_array("errorLabels")?.contains(&"TransientTransactionError".into()), "{answer}");
+    refused(answer, 112);
+    // No writer waits for them.
+    fine(plain(&mut session.wire, with_time(insert(2)))?);
+    session.id = open.pop().unwrap_or(Bson::Null);
+    fine(session.end(1, "commitTransaction")?);
+    session.id = bson::Uuid::new().into();
+    fine(session.run(1, true, all())?);
+    Ok(())
+}
+
+fn with_time(mut command: Document) -> Document {
+    command.insert("maxTimeMS", 20_000);
+    command
 }
 
 fn said() -> Result<(), Failed> {
