@@ -408,7 +408,10 @@ impl Memory {
             found.retain(|ns| ns.database == database);
             let namespaces: Vec<&Namespace> = found.iter().collect();
             let store = self.routes.reading(&any)?;
-            let drop_all = |_| namespaces.iter().try_for_each(|ns| store.drop(ns).map(drop));
+            let drop_all = |_| {
+                namespaces.iter().try_for_each(|ns| store.drop(ns).map(drop))?;
+                if namespaces.is_empty() { Ok(()) } else { store.note_dropped(database) }
+            };
             self.atomically(&namespaces, |error| error, drop_all)?;
             found.retain(|ns| !ns.is_own());
             Ok(found)

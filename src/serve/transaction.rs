@@ -213,6 +213,7 @@ impl Open {
                     }
                 },
                 Some(Job::Abandon(abandoned)) if abandoned.includes(&self.once) => break End::Abort(None),
+                Some(Job::Abandon(abandoned)) => context.abandon(&abandoned),
                 Some(Job::Step(step)) if self.is_late(&step) => {
                     let last = context.server.sessions.last(&step.once.session);
                     let is_older = step.once.session == self.once.session && step.once.number < self.once.number;

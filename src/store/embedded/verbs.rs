@@ -471,7 +471,8 @@ impl Embedded {
         names: Option<&RawDocument>,
     ) -> Result<(), StoreError> {
         let Some(collection) = self.collection(from)? else {
-            return Err(self.fail(&format!("there is no collection {from} to be renamed")));
+            let message = format!("there is no collection {from} to be renamed");
+            return Err(QueryError::invalid(QueryError::NAMESPACE_NOT_FOUND, message).into());
         };
         match self.collection(to)? {
             Some(present) if present == collection => return Ok(()),

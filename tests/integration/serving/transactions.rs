@@ -24,6 +24,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_transaction_whose_client_is_gone_is_over", abandoned),
     ("a_failed_statement_ends_its_transaction", failed),
     ("a_transaction_that_is_not_open_is_told_so_by_its_code", late),
+    ("a_transaction_that_waits_ends_with_its_session", killed),
     ("transactions_that_only_read_are_as_many_as_can_be_and_hold_up_no_writer", crowded),
     ("a_write_that_is_sent_again_is_done_once_also_after_a_kill", repeated),
     ("only_the_first_command_says_what_is_read_and_only_the_last_who_confirms", said),
@@ -473,6 +474,32 @@ fn late() -> Result<(), Failed> {
     fine(session.run(21, true, insert(6))?);
     fine(session.end(21, "commitTransaction")?);
     assert_eq!(count(&mut session.wire)?, 3);
+    Ok(())
+}
+
+/// A transaction that waits for another one, and whose session is ended.
+fn killed() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let (mut open, mut waiting) = (Session::open(&served)?, Session::open(&served)?);
+    fine(open.run(1, true, insert(1))?);
+    let id = waiting.id.clone();
+    let waits = std::thread::spawn(move || {
+        let answer = waiting.run(1, true, insert(2)).map_err(|error| format!("{error:?}"));
+        (waiting, answer)
+    });
+    let mut other = Wire::connect(served.address())?;
+    // It is killed as often as it takes for it to have come.
+    let kill = doc! { "killSessions": [{ "id": id }], "$db": "admin" };
+    while !waits.is_finished() {
+        fine(other.run(&kill)?);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let (mut waiting, answer) = waits.join().map_err(|_| "the thread failed")?;
+    refused(answer?, 251);
+    fine(open.end(1, "commitTransaction")?);
+    refused(waiting.end(1, "commitTransaction")?, 251);
+    assert_eq!(count(&mut other)?, 1);
     Ok(())
 }
 
