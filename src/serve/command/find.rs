@@ -8,7 +8,10 @@ use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::{Fields, integral, whole};
 use crate::serve::host::{FirstBatch, Host};
-use crate::store::{Find, KeyOptions, Query};
+use crate::store::{Find, KeyOptions, MAX_SIZE, Query};
+
+/// MongoDB's code for values of `distinct` that are too large for an answer.
+const TOO_MANY_VALUES: i32 = 17_217;
 
 pub(super) const COMMANDS: &[Command] = &[
     Command::read("find", find).transactional(),
@@ -130,7 +133,11 @@ fn distinct(host: &mut Host<'_>, call: &Call) -> Answer {
     let (filter, modifiers) = (fields.document_or_empty("query")?, fields.modifiers()?);
     let query = Query { filter: &filter, modifiers: &modifiers };
     let values = call.access(host.memory()?).distinct(&ns, key, query)?;
-    raw(&doc! { "values": values })
+    let reply = raw(&doc! { "values": values })?;
+    match reply.as_bytes().len() {
+        ..=MAX_SIZE => Ok(reply),
+        _ => Err(Failure::new(TOO_MANY_VALUES, "distinct too big, 16mb cap")),
+    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,11 @@ use crate::serve::fields::{Fields, number};
 /// So many bytes at most say in one answer why documents do not pass the validator of their collection.
 const MAX_EXPLAINED: usize = 16 << 20;
 
+/// So many bytes of messages at most say in one answer what is wrong with statements, as with MongoDB; …
+const MAX_MESSAGES: usize = 1 << 20;
+/// … and so many bytes of keys, which were taken: an answer has room for 48 MB.
+const MAX_KEYS: usize = 16 << 20;
+
 /// What came of the statements of a command.
 #[derive(Default)]
 pub(super) struct Outcome {
@@ -19,6 +24,8 @@ pub(super) struct Outcome {
     errors: Vec<Document>,
     /// How many bytes say why documents do not pass the validator of their collection.
     explained: usize,
+    /// How many bytes of messages and of keys there are.
+    described: (usize, usize),
     /// The numbers of statements that were done when they were sent before.
     retried: Vec<Bson>,
 }
@@ -51,8 +58,22 @@ impl Outcome {
                 info.insert("note", "detailed error was too large");
             }
         }
+        self.shorten(&mut error);
         self.errors.push(error);
         Ok(!is_ordered && !is_unreachable)
+    }
+
+    /// Leaves out of an error what would be too much with the others.
+    fn shorten(&mut self, error: &mut Document) {
+        let (messages, keys) = &mut self.described;
+        *messages += error.get_str("errmsg").map_or(0, str::len);
+        if *messages > MAX_MESSAGES {
+            error.insert("errmsg", "");
+        }
+        *keys += error.get_document("keyValue").map_or(0, |key| bson::serialize_to_vec(key).map_or(0, |key| key.len()));
+        if *keys > MAX_KEYS {
+            error.remove("keyValue");
+        }
     }
 
     /// The answer, with what belongs to it.
@@ -118,5 +139,20 @@ mod tests {
         let mut some = Outcome { n: 1, ..Outcome::default() };
         assert_eq!(some.fail(1, unreachable(), false), Ok(false));
         assert_eq!(some.fail(2, Failure::new(codes::DUPLICATE, "taken"), false), Ok(true));
+    }
+
+    #[test]
+    fn many_errors_fit_into_an_answer() {
+        let mut outcome = Outcome::default();
+        let id = "x".repeat(900);
+        for index in 0..50_000 {
+            let mut taken = Failure::new(codes::DUPLICATE, format!("{id} is taken"));
+            taken.details.insert("keyValue", doc! { "_id": &id });
+            assert_eq!(outcome.fail(index, taken, false), Ok(true));
+        }
+        let reply = outcome.reply(doc! {}).unwrap();
+        assert!(reply.as_bytes().len() < 24 << 20, "{}", reply.as_bytes().len());
+        let errors = reply.get_array("writeErrors").unwrap();
+        assert_eq!(errors.into_iter().count(), 50_000);
     }
 }
