@@ -35,6 +35,7 @@ const USES: [(&str, &str); 28] = [
     ("input", "fault formats"),
     ("interrupt", ""),
     ("memory", "calendar fault formats input interrupt process query saturate store"),
+    ("monotonic", ""),
     ("output", "error fault formats input interrupt process"),
     ("pddl", "formats"),
     ("plan", "fault formats memory pddl problem query saturate store"),
@@ -45,9 +46,9 @@ const USES: [(&str, &str); 28] = [
     ("query", "calendar fault"),
     ("saturate", ""),
     ("scene", "formats memory query store"),
-    ("serve", "deadline fault memory process query saturate store"),
+    ("serve", "deadline fault memory monotonic process query saturate store"),
     ("settings", "error formats input memory output pddl planner query scene store"),
-    ("store", "calendar deadline fault formats interrupt process query saturate"),
+    ("store", "calendar deadline fault formats interrupt monotonic process query saturate"),
     ("views", "fault formats memory query saturate scene store"),
 ];
 
