@@ -16,7 +16,7 @@ const RECURSIVE: [(&str, usize, &str); 4] = [
 ];
 
 /// Each module, and the modules that it uses. A new dependency is written down here.
-const USES: [(&str, &str); 28] = [
+const USES: [(&str, &str); 29] = [
     ("backend", "fault formats settings store"),
     ("bench", "memory saturate store views"),
     ("calendar", ""),
