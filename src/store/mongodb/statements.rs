@@ -134,7 +134,7 @@ impl<'a> Statements<'a> {
         let filter = beside_ids(&request.filter);
         let can_have = request.modifiers.collation.is_none() && !has_operator(&filter, &NOT_FOR_UPSERTS);
         let length = if can_have { Some(RawDocumentBuf::try_from(&filter)?.as_bytes().len()) } else { None };
-        let touched = touched(plain).filter(|touched| touched.iter().all(is_plain));
+        let touched = touched(plain).filter(|touched| touched.iter().all(|name| is_plain(name)));
         Ok(Self { request, dated, touched, filter, length, is_positional: is_positional(plain) })
     }
 
@@ -142,7 +142,7 @@ impl<'a> Statements<'a> {
     pub(super) fn of(&self, (id, body): (&Bson, &RawDocumentBuf)) -> Result<Option<Document>, QueryError> {
         let before = Document::try_from(&**body)?;
         // One with a field twice cannot be written as a condition, and no field of such a name be asked for.
-        if RawDocumentBuf::try_from(&before)? != *body || !before.keys().all(is_plain) {
+        if RawDocumentBuf::try_from(&before)? != *body || !before.keys().all(|name| is_plain(name)) {
             return Ok(None);
         }
         let (mut conditions, update) = match self.dated.clone() {
@@ -185,7 +185,7 @@ impl<'a> Statements<'a> {
 }
 
 /// Whether a field of this name can be asked for.
-fn is_plain(name: &String) -> bool {
+fn is_plain(name: &str) -> bool {
     !name.is_empty() && !name.starts_with('$') && !name.contains('.')
 }
 
