@@ -3,26 +3,16 @@
 //! A server makes a collection for an upsert, also for one that then fails. An update of documents that are known must not make
 //! one again that another client has dropped, so it names the collection by the server's identity for it.
 
-use bson::{Binary, Bson, doc};
+use bson::{Bson, doc};
 
-use super::MongoDb;
-use super::failure;
+use super::known::Identity;
+use super::{MongoDb, failure};
 use crate::store::{Namespace, StoreError};
 
 /// The server's code for a collection that is not the one that was named.
 pub(super) const IS_OTHER: i32 = 361;
 /// The server's code for what a user may not do.
 const UNAUTHORIZED: i32 = 13;
-
-/// Which collection has a name.
-#[derive(Clone)]
-pub(super) enum Identity {
-    Known(Binary),
-    /// The server does not say, or takes no identity with a write.
-    Unknown,
-    /// There is none.
-    Missing,
-}
 
 impl MongoDb {
     /// Which collection has a name, and whether the server was asked now.

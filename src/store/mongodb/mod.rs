@@ -55,7 +55,7 @@ pub struct MongoDb {
     /// How strings compare in collections.
     collations: known::Known<Option<Collation>>,
     /// Which collections have which names.
-    identities: known::Known<identity::Identity>,
+    identities: known::Known<known::Identity>,
     /// The histories that this process keeps.
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.

@@ -7,7 +7,8 @@
 use bson::raw::cstr;
 use bson::{Bson, Document, RawArrayBuf, RawDocumentBuf, doc, rawdoc};
 
-use super::identity::{IS_OTHER, Identity};
+use super::identity::IS_OTHER;
+use super::known::Identity;
 use super::named::{beside_ids, has_operator};
 use super::unchanged::LARGEST_COMMAND;
 use super::{MongoDb, failure};
