@@ -61,6 +61,7 @@ pub(super) mod codes {
     pub(in crate::serve) const NO_QUERY: i32 = 352;
     pub(in crate::serve) const TOO_LARGE: i32 = 10_334;
     pub(in crate::serve) const DUPLICATE: i32 = 11_000;
+    pub(in crate::serve) const MALFORMED_STAGE: i32 = 40_323;
     pub(in crate::serve) const UNKNOWN_STAGE: i32 = 40_324;
     pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;

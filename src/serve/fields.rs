@@ -80,12 +80,6 @@ impl<'a> Fields<'a> {
         self.refuse(refused)
     }
 
-    /// The same for a document in a command, which has no name in front.
-    pub(super) fn check_inside(self, taken: &[&str], refused: &[&str]) -> Result<(), Failure> {
-        self.known_inside(&[taken, refused].concat())?;
-        self.refuse(refused)
-    }
-
     /// Refuses fields that MongoDB does not know in a document of a command.
     pub(super) fn known_inside(self, names: &[&str]) -> Result<(), Failure> {
         self.only(self.document.keys().map(String::as_str).find(|name| !names.contains(name)))

@@ -70,7 +70,7 @@ pub(super) fn pipeline(call: &Call, fields: Fields<'_>) -> Result<(Namespace, Ve
     };
     if stages.iter().any(|stage| stage.len() != 1) {
         let message = "A pipeline stage specification object must contain exactly one field.";
-        return Err(Failure::new(40_323, message));
+        return Err(Failure::new(codes::MALFORMED_STAGE, message));
     }
     Ok((ns, stages))
 }

@@ -12,6 +12,9 @@ use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::Fields;
 use crate::store::{Modifiers, Namespace, UpdateRequest, UpdateSpec, Updated};
 
+/// What is said of a pipeline with a stage that there is not in any.
+const NO_STAGE: [i32; 2] = [codes::UNKNOWN_STAGE, codes::MALFORMED_STAGE];
+
 pub(super) const COMMANDS: &[Command] = &[Command::write("update", update).transactional()];
 
 fn update(memory: &Memory, call: &Call) -> Answer {
@@ -23,8 +26,8 @@ fn update(memory: &Memory, call: &Call) -> Answer {
     let statements = changes(call, ("updates", "update.updates"))?;
     // A malformed one fails the command before anything is done.
     statements.iter().try_for_each(|statement| {
-        statement.boolean("multi")?;
-        statement.boolean("upsert").map(drop)
+        check_kind(*statement, "u")?;
+        ["multi", "upsert", "upsertSupplied"].iter().try_for_each(|name| statement.boolean(name).map(drop))
     })?;
     for (index, statement) in statements.into_iter().enumerate() {
         let updated = match outcome.repeated(call, index) {
@@ -42,7 +45,7 @@ fn update(memory: &Memory, call: &Call) -> Answer {
             // Then the whole command is.
             Err(failure) if failure.is_malformed => return Err(failure),
             // The command fails with it, and what the others do stays.
-            Err(failure) if failure.code == codes::UNKNOWN_STAGE => {
+            Err(failure) if NO_STAGE.contains(&failure.code) => {
                 unknown.get_or_insert(failure);
                 if ordered {
                     break;
@@ -74,7 +77,13 @@ fn update_one(
     variables: &Document,
 ) -> Result<Updated, Failure> {
     let taken = ["q", "u", "c", "arrayFilters", "multi", "upsert", "hint", "collation"];
-    fields.check_inside(&taken, &["upsertSupplied"])?;
+    fields.known_inside(&[&taken[..], &["upsertSupplied"]].concat())?;
+    let is_said = |name| Ok::<_, Failure>(fields.boolean(name)?.unwrap_or(false));
+    if is_said("upsertSupplied")? && !is_said("upsert")? {
+        let message = "cannot specify 'upsertSupplied: true' for a non-upsert operation";
+        return Err(Failure::new(codes::FAILED_TO_PARSE, message));
+    }
+    fields.refuse(&["upsertSupplied"])?;
     let many = fields.boolean("multi")?.unwrap_or(false);
     check_repeatable(call, many, "multi=true")?;
     let modifiers = Modifiers { variables: variables.clone(), ..fields.modifiers()? };
@@ -112,14 +121,30 @@ pub(super) fn spec(fields: Fields<'_>, name: &str) -> Result<Option<UpdateSpec>,
             stages.iter().try_for_each(check_stage)?;
             Ok(Some(UpdateSpec::Pipeline(stages)))
         }
-        Some(_) => Err(Failure::new(codes::FAILED_TO_PARSE, "Update argument must be either an object or an array")),
+        Some(_) => check_kind(fields, name).map(|()| None),
+    }
+}
+
+/// Refuses what cannot say how documents are to be changed.
+fn check_kind(fields: Fields<'_>, name: &str) -> Result<(), Failure> {
+    match fields.document.get(name) {
+        None | Some(Bson::Document(_)) => Ok(()),
+        Some(Bson::Array(stages)) if stages.iter().all(|stage| stage.as_document().is_some()) => Ok(()),
+        Some(Bson::Array(_)) => {
+            let message = "Each element of the 'pipeline' array must be an object".to_owned();
+            Err(Failure::malformed(codes::TYPE_MISMATCH, message))
+        }
+        Some(_) => {
+            let message = "Update argument must be either an object or an array".to_owned();
+            Err(Failure::malformed(codes::FAILED_TO_PARSE, message))
+        }
     }
 }
 
 /// Refuses a stage that there is not in any pipeline.
 fn check_stage(stage: &Document) -> Result<(), Failure> {
     match Pipeline::parse(std::slice::from_ref(stage)) {
-        Err(error) if error.code == codes::UNKNOWN_STAGE => Err(error.into()),
+        Err(error) if NO_STAGE.contains(&error.code) => Err(error.into()),
         _ => Ok(()),
     }
 }

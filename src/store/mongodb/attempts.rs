@@ -6,8 +6,9 @@ use bson::Document;
 
 use super::MongoDb;
 use super::named::has_operator;
+use crate::deadline::{self, Ending};
 use crate::interrupt::stops_work;
-use crate::query::random_up_to;
+use crate::query::{QueryError, random_up_to};
 use crate::store::StoreError;
 
 /// How often something is tried.
@@ -31,13 +32,23 @@ impl MongoDb {
             if let Some(done) = work(attempt)? {
                 return Ok(done);
             }
-            if stops_work() {
-                return Err(StoreError::Interrupted { done: 0 });
-            }
+            check_going_on(0)?;
             std::thread::sleep(PAUSE * attempt);
         }
         let reason = format!("other clients changed the document {ATTEMPTS} times between finding and changing it");
         Err(StoreError::Failed { address: self.address.clone(), reason })
+    }
+}
+
+/// Refuses to go on where the operation is to end, after `done` changes.
+pub(super) fn check_going_on(done: u64) -> Result<(), StoreError> {
+    if stops_work() {
+        return Err(StoreError::Interrupted { done });
+    }
+    match deadline::ending() {
+        Some(Ending::OutOfTime) => Err(StoreError::from(QueryError::exceeded_time_limit()).after(done)),
+        Some(Ending::Stopped(code)) => Err(StoreError::from(QueryError::interrupted(code)).after(done)),
+        None => Ok(()),
     }
 }
 

@@ -37,8 +37,8 @@ impl MongoDb {
     }
 
     fn new(client: Client, address: String, write_policy: WritePolicy) -> Self {
-        let (decaying, collations, keeping, version, is_bypassing) = Default::default();
-        Self { client, decaying, collations, keeping, version, is_bypassing, write_policy, address }
+        let (decaying, collations, identities, keeping, version, is_bypassing) = Default::default();
+        Self { client, decaying, collations, identities, keeping, version, is_bypassing, write_policy, address }
     }
 
     /// The same, whose writes the primary alone confirms: for what belongs to a write for whose confirmation was waited

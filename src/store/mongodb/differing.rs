@@ -23,14 +23,17 @@ fn difference(operator: &str, path: &str, value: &Bson) -> Option<Document> {
     if path.contains('$') {
         return None;
     }
-    let is_value =
-        is_literal(value) && !value.as_document().is_some_and(|fields| fields.keys().any(|key| key.starts_with('$')));
     match operator {
-        "$set" | "$addToSet" if is_value => Some(doc! { "$ne": value }),
-        "$pullAll" if is_value => Some(doc! { "$in": value }),
+        "$set" | "$addToSet" if is_value(value) => Some(doc! { "$ne": value }),
+        "$pullAll" if value.as_array().is_some_and(|items| items.iter().all(is_value)) => Some(doc! { "$in": value }),
         "$unset" => Some(doc! { "$exists": true }),
         _ => None,
     }
+}
+
+/// Whether a condition takes a value for what it is, and not for operators.
+fn is_value(value: &Bson) -> bool {
+    is_literal(value) && !value.as_document().is_some_and(|fields| fields.keys().any(|key| key.starts_with('$')))
 }
 
 #[cfg(test)]
@@ -55,6 +58,7 @@ mod tests {
             doc! { "$set": { "a": 1, "t": bson::Timestamp { time: 0, increment: 0 } } },
             doc! { "$addToSet": { "l": { "$each": [1] } } },
             doc! { "$mul": { "n": 2 } },
+            doc! { "$pullAll": { "l": [2, { "$ref": "c", "$id": 1 }] } },
             doc! { "$setOnInsert": { "n": 2 } },
         ] {
             assert_eq!(differing(&update), None, "{update}");

@@ -39,6 +39,7 @@ impl MongoDb {
     pub(super) fn forget(&self, ns: &Namespace) {
         self.decaying.forget(ns);
         self.collations.forget(ns);
+        self.identities.forget(ns);
     }
 
     pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {

@@ -4,10 +4,22 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use bson::Binary;
+
 use crate::store::Namespace;
 
 /// How long something is taken to be as it was: other clients may drop and make collections and indexes.
 const KNOWN_FOR: Duration = Duration::from_secs(1);
+
+/// Which collection has a name.
+#[derive(Clone)]
+pub(super) enum Identity {
+    Known(Binary),
+    /// The server does not say, or takes no identity with a write.
+    Unknown,
+    /// There is none.
+    Missing,
+}
 
 /// What is known of collections.
 pub(super) struct Known<T>(Mutex<HashMap<Namespace, (Instant, T)>>);

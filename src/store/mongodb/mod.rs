@@ -16,6 +16,7 @@ mod explain;
 mod failure;
 mod find_and_modify;
 mod history;
+mod identity;
 mod image;
 mod index;
 mod keeping;
@@ -34,6 +35,7 @@ mod verbs;
 mod visible;
 mod waiting;
 mod watch;
+mod write_command;
 mod write_policy;
 
 pub use raw::Raw;
@@ -52,6 +54,8 @@ pub struct MongoDb {
     decaying: known::Known<()>,
     /// How strings compare in collections.
     collations: known::Known<Option<Collation>>,
+    /// Which collections have which names.
+    identities: known::Known<known::Identity>,
     /// The histories that this process keeps.
     keeping: Mutex<keeping::Keeping>,
     /// The version of the server's wire protocol, once it was asked for.

@@ -2,20 +2,29 @@
 //!
 //! A statement changes its document if that is as it was read. The server's answer says how many were changed, and not which,
 //! but names the first statement that fails. So each is an upsert, whose insertion fails: it is one where the document is
-//! another one meanwhile, or has gone.
+//! another one meanwhile, or has gone. (Where the collection has gone, the server would make it before: see `identity`.)
 
-use bson::{Bson, Document, RawDocumentBuf, doc};
+use bson::raw::cstr;
+use bson::{Bson, Document, RawArrayBuf, RawDocumentBuf, doc, rawdoc};
 
-use super::named::has_operator;
+use super::identity::IS_OTHER;
+use super::known::Identity;
+use super::named::{beside_ids, has_operator};
+use super::unchanged::LARGEST_COMMAND;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::{Namespace, StoreError, UpdateRequest, UpdateSpec};
 
 /// About how many bytes of statements one command has.
 const MOST_BYTES: usize = 8 << 20;
+/// The longest filter, in bytes, that each statement has, also where the document is shorter.
+const SHORT_FILTER: usize = 1 << 10;
 
 /// Operators of filters that the server does not take for an upsert.
 const NOT_FOR_UPSERTS: [&str; 7] = ["$expr", "$where", "$near", "$nearSphere", "$geoNear", "$text", "$sampleRate"];
+
+/// Codes for a command that is too long, or too deeply nested.
+const TOO_MUCH: [i32; 2] = [10_334, 15];
 
 /// What the server did of several statements.
 pub(super) struct Sent {
@@ -23,103 +32,162 @@ pub(super) struct Sent {
     pub(super) done: usize,
     /// Whether the one behind these failed.
     pub(super) has_failed: bool,
+    /// Where not as many members confirmed it as were to.
+    pub(super) unconfirmed: Option<StoreError>,
+}
+
+impl Sent {
+    /// Of the statements, none can be done.
+    fn nothing() -> Self {
+        Self { done: 0, has_failed: true, unconfirmed: None }
+    }
 }
 
 impl MongoDb {
-    /// Sends statements until one fails, as many as a command has room for.
+    /// Sends statements until one fails, or cannot be made, as many as a command has room for; nothing where the collection is
+    /// not there.
     pub(super) fn send(
         &self,
         ns: &Namespace,
         request: &UpdateRequest,
-        statements: &[Document],
-    ) -> Result<Sent, StoreError> {
-        let (mut count, mut bytes) = (0, 0);
+        statements: impl Iterator<Item = Result<Option<Document>, QueryError>>,
+    ) -> Result<Option<Sent>, StoreError> {
+        let (mut sent, mut count, mut bytes) = (RawArrayBuf::new(), 0, 0);
         for statement in statements {
-            bytes += RawDocumentBuf::try_from(statement).map_err(QueryError::from)?.as_bytes().len();
-            if count > 0 && bytes > MOST_BYTES {
+            let Some(statement) = statement? else { break };
+            let statement = RawDocumentBuf::try_from(&statement).map_err(QueryError::from)?;
+            bytes += statement.as_bytes().len();
+            if bytes > if count > 0 { MOST_BYTES } else { LARGEST_COMMAND } {
                 break;
             }
+            sent.push(statement);
             count += 1;
         }
-        let concern = bson::serialize_to_document(&self.write_policy.of_one()).map_err(QueryError::from)?;
-        let sent = statements.get(..count).unwrap_or_default();
-        let mut command = doc! { "update": &ns.collection, "updates": sent, "ordered": true, "writeConcern": concern };
-        if !request.modifiers.variables.is_empty() {
-            command.insert("let", request.modifiers.variables.clone());
+        if count == 0 {
+            return Ok(Some(Sent::nothing()));
         }
-        if self.is_bypassing.get() {
-            command.insert("bypassDocumentValidation", true);
-        }
-        let answer = match self.client().database(&ns.database).run_command(command).run() {
-            Ok(answer) => answer,
-            // It says at the first document what it does not like.
-            Err(error) if failure::code(&error).is_some() => return Ok(Sent { done: 0, has_failed: true }),
-            Err(error) => return Err(failure::explain_change(&self.address, ns, &error)),
-        };
-        let failed = answer
-            .get_array("writeErrors")
-            .ok()
-            .and_then(|errors| errors.first()?.as_document()?.get_i32("index").ok());
-        let done = failed.and_then(|index| usize::try_from(index).ok());
-        match answer.get_document("writeConcernError") {
-            Ok(concern) => {
-                let reason = concern.get_str("errmsg").unwrap_or_default();
-                Err(failure::unconfirmed(&self.address, &format!("the change of {ns}"), reason))
+        let answer = match self.send_all(ns, request, &sent)? {
+            Some(Ok(answer)) => answer,
+            Some(Err(error)) if failure::code(&error).is_some_and(|code| TOO_MUCH.contains(&code)) => {
+                return Ok(Some(Sent::nothing()));
             }
-            Err(_) => Ok(Sent { done: done.unwrap_or(count), has_failed: done.is_some() }),
+            Some(Err(error)) => return Err(failure::explain_change(&self.address, ns, &error)),
+            None => return Ok(None),
+        };
+        let done = failed(&answer).map(|(place, _)| place);
+        let unconfirmed = self.unconfirmed(ns, &answer);
+        Ok(Some(Sent { done: done.unwrap_or(count), has_failed: done.is_some(), unconfirmed }))
+    }
+
+    /// The answer to statements for the collection that is there now; nothing where there is none.
+    fn send_all(
+        &self,
+        ns: &Namespace,
+        request: &UpdateRequest,
+        statements: &RawArrayBuf,
+    ) -> Result<Option<mongodb::error::Result<Document>>, StoreError> {
+        loop {
+            let (identity, is_new) = self.identity(ns)?;
+            let more = match identity {
+                Identity::Known(id) => rawdoc! { "ordered": true, "collectionUUID": id },
+                Identity::Unknown => rawdoc! { "ordered": true },
+                Identity::Missing => return Ok(None),
+            };
+            let variables = &request.modifiers.variables;
+            let answer = self.write(ns, (cstr!("update"), cstr!("updates"), statements), &more, variables)?;
+            let is_other = answer.as_ref().ok().and_then(failed).is_some_and(|(_, code)| code == IS_OTHER);
+            if is_other {
+                self.identities.forget(ns);
+            }
+            if is_new || !is_other || answer.as_ref().ok().and_then(failed).is_some_and(|(place, _)| place > 0) {
+                return Ok(Some(answer));
+            }
         }
     }
 }
 
-/// The statement that updates a document with the date of the change (`dated`), if it is as it was read; nothing where a
-/// statement cannot say that.
-pub(super) fn statement(
-    request: &UpdateRequest,
-    plain: &UpdateSpec,
-    dated: &UpdateSpec,
-    (id, body): (&Bson, &RawDocumentBuf),
-) -> Result<Option<Document>, QueryError> {
-    let before = Document::try_from(&**body)?;
-    // One with a field twice cannot be written as a condition, and no field of such a name be asked for.
-    let is_plain = |name: &String| !name.is_empty() && !name.starts_with('$') && !name.contains('.');
-    if RawDocumentBuf::try_from(&before)? != *body || !before.keys().all(is_plain) {
-        return Ok(None);
+/// The place of the first statement that failed, and the code of its failure.
+fn failed(answer: &Document) -> Option<(usize, i32)> {
+    let first = answer.get_array("writeErrors").ok()?.first()?.as_document()?;
+    Some((usize::try_from(first.get_i32("index").ok()?).ok()?, first.get_i32("code").unwrap_or_default()))
+}
+
+/// What the statements of an update have in common.
+pub(super) struct Statements<'a> {
+    request: &'a UpdateRequest,
+    /// The update with the date of the change.
+    dated: &'a UpdateSpec,
+    /// The fields that the update touches; none where it is a pipeline, or they cannot be asked for.
+    touched: Option<Vec<String>>,
+    /// What the filter asks for beside the `_id`.
+    filter: Document,
+    /// How many bytes that has; nothing where no statement can have it.
+    length: Option<usize>,
+    is_positional: bool,
+}
+
+impl<'a> Statements<'a> {
+    pub(super) fn new(
+        request: &'a UpdateRequest,
+        plain: &UpdateSpec,
+        dated: &'a UpdateSpec,
+    ) -> Result<Self, QueryError> {
+        let filter = beside_ids(&request.filter);
+        let can_have = request.modifiers.collation.is_none() && !has_operator(&filter, &NOT_FOR_UPSERTS);
+        let length = if can_have { Some(RawDocumentBuf::try_from(&filter)?.as_bytes().len()) } else { None };
+        let touched = touched(plain).filter(|touched| touched.iter().all(|name| is_plain(name)));
+        Ok(Self { request, dated, touched, filter, length, is_positional: is_positional(plain) })
     }
-    let (mut conditions, update) = match dated.clone() {
-        UpdateSpec::Document(mut update) => {
-            // Fails where the statement would insert.
-            let insertion = update.entry("$setOnInsert".to_owned()).or_insert_with(|| Document::new().into());
-            let Bson::Document(insertion) = insertion else { return Ok(None) };
-            insertion.insert("_id", doc! { "not": id });
-            let Some(touched) = touched(plain).filter(|touched| touched.iter().all(is_plain)) else { return Ok(None) };
-            let conditions =
-                if request.modifiers.collation.is_none() && !has_operator(&request.filter, &NOT_FOR_UPSERTS) {
-                    let as_read = |name: &String| match before.get(name) {
-                        Some(value) => doc! { name: { "$eq": value } },
-                        None => doc! { name: { "$exists": false } },
-                    };
-                    std::iter::once(request.filter.clone()).chain(touched.iter().map(as_read)).collect()
-                } else if is_positional(plain) {
+
+    /// The statement that updates a document if it is as it was read; nothing where a statement cannot say that.
+    pub(super) fn of(&self, (id, body): (&Bson, &RawDocumentBuf)) -> Result<Option<Document>, QueryError> {
+        let before = Document::try_from(&**body)?;
+        // One with a field twice cannot be written as a condition, and no field of such a name be asked for.
+        if RawDocumentBuf::try_from(&before)? != *body || !before.keys().all(|name| is_plain(name)) {
+            return Ok(None);
+        }
+        let (mut conditions, update) = match self.dated.clone() {
+            UpdateSpec::Document(mut update) => {
+                // Fails where the statement would insert.
+                let insertion = update.entry("$setOnInsert".to_owned()).or_insert_with(|| Document::new().into());
+                let Bson::Document(insertion) = insertion else { return Ok(None) };
+                insertion.insert("_id", doc! { "not": id });
+                let Some(touched) = &self.touched else { return Ok(None) };
+                // A document that is the same as a whole matches still.
+                let longest = SHORT_FILTER.max(2 * body.as_bytes().len());
+                let conditions = match self.length {
+                    Some(length) if self.is_positional || length <= longest => {
+                        let as_read = |name: &String| match before.get(name) {
+                            Some(value) => doc! { name: { "$eq": value } },
+                            None => doc! { name: { "$exists": false } },
+                        };
+                        std::iter::once(self.filter.clone()).chain(touched.iter().map(as_read)).collect()
+                    }
                     // Which element `$` is depends on the filter.
-                    return Ok(None);
-                } else {
-                    whole(&before)
+                    _ if self.is_positional => return Ok(None),
+                    _ => whole(&before),
                 };
-            (conditions, Bson::Document(update))
+                (conditions, Bson::Document(update))
+            }
+            UpdateSpec::Pipeline(mut stages) if before.len() > 1 => {
+                let is_inserted = doc! { "$eq": ["$$ROOT", { "$literal": { "_id": id } }] };
+                stages.insert(0, doc! { "$replaceWith": { "$cond": [is_inserted, "changed meanwhile", "$$ROOT"] } });
+                (whole(&before), Bson::from(stages))
+            }
+            UpdateSpec::Pipeline(_) => return Ok(None),
+        };
+        conditions.insert(0, doc! { "_id": { "$eq": id } });
+        let mut statement = doc! { "q": { "$and": conditions }, "u": update, "upsert": true };
+        if !self.request.array_filters.is_empty() {
+            statement.insert("arrayFilters", self.request.array_filters.clone());
         }
-        UpdateSpec::Pipeline(mut stages) if before.len() > 1 => {
-            let is_inserted = doc! { "$eq": ["$$ROOT", { "$literal": { "_id": id } }] };
-            stages.insert(0, doc! { "$replaceWith": { "$cond": [is_inserted, "changed meanwhile", "$$ROOT"] } });
-            (whole(&before), Bson::from(stages))
-        }
-        UpdateSpec::Pipeline(_) => return Ok(None),
-    };
-    conditions.insert(0, doc! { "_id": { "$eq": id } });
-    let mut statement = doc! { "q": { "$and": conditions }, "u": update, "upsert": true };
-    if !request.array_filters.is_empty() {
-        statement.insert("arrayFilters", request.array_filters.clone());
+        Ok(Some(statement))
     }
-    Ok(Some(statement))
+}
+
+/// Whether a field of this name can be asked for.
+fn is_plain(name: &str) -> bool {
+    !name.is_empty() && !name.starts_with('$') && !name.contains('.')
 }
 
 /// The conditions that a document has these fields with these values, and no others. None is an equality, which an upsert
@@ -164,7 +232,7 @@ mod tests {
     fn of(filter: Document, update: UpdateSpec, before: &Document) -> Option<Document> {
         let request = UpdateRequest { filter, ..UpdateRequest::default() };
         let body = RawDocumentBuf::try_from(before).unwrap();
-        statement(&request, &update, &update, (&before["_id"], &body)).unwrap()
+        Statements::new(&request, &update, &update).unwrap().of((&before["_id"], &body)).unwrap()
     }
 
     #[test]
@@ -190,6 +258,16 @@ mod tests {
         assert_eq!((asked.len(), made.get("upsert")), (4, Some(&true.into())));
         assert!(asked.contains(&doc! { "a": { "$gte": { "b": 1 }, "$lte": { "b": 1 } } }.into()), "{made}");
         assert_eq!(of(expression, update(doc! { "$set": { "l.$": 2 } }), &before), None);
+        // A long filter is left out where the document says as much, and where it says what is known.
+        let long = doc! { "n": { "$in": (0..500).collect::<Vec<i32>>() } };
+        let asked = |filter, field: &str| {
+            let made = of(filter, update(doc! { "$mul": { field: 2 } }), &before).unwrap();
+            made.get_document("q").unwrap().get_array("$and").unwrap().clone()
+        };
+        assert!(!asked(long.clone(), "a.b").contains(&long.clone().into()));
+        assert!(asked(long.clone(), "l.$").contains(&long.into()));
+        let ids = doc! { "_id": { "$in": [1, 2] }, "$and": [{ "_id": 1 }, { "l": 1 }] };
+        assert!(asked(ids, "l.$").contains(&doc! { "$and": [{}, { "l": 1 }] }.into()));
         let pipeline = || UpdateSpec::Pipeline(vec![doc! { "$set": { "n": 1 } }]);
         assert!(of(doc! {}, pipeline(), &before).is_some());
         for odd in [doc! { "_id": 1 }, doc! { "_id": 1, "a.b": 1 }, doc! { "_id": 1, "$a": 1 }] {

@@ -9,7 +9,7 @@ use crate::store::{UpdateRequest, UpdateSpec};
 /// The largest document, in bytes, that is compared as a whole.
 const LARGEST_CONDITION: usize = 1 << 20;
 /// How many bytes there are for the documents of a command, of the 16 MiB that it has, and some for the rest of it.
-const LARGEST_COMMAND: usize = (16 << 20) - (2 << 10);
+pub(super) const LARGEST_COMMAND: usize = (16 << 20) - (2 << 10);
 
 /// The condition that a document is as it was read, as far as a command can say that beside the request.
 pub(super) fn as_read(document: &RawDocumentBuf, request: &UpdateRequest) -> Result<Document, QueryError> {

@@ -14,20 +14,20 @@
 //!
 //! An upsert inserts the document that rmem makes, with its metadata, where the server finds nothing, too.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
 
 use super::MongoDb;
-use super::attempts::{any_of, choices};
+use super::attempts::{any_of, check_going_on, choices};
 use super::dates::{add_field, inserted, path};
 use super::differing::differing;
 use super::named::{self, none_of};
 use super::prediction::{Before, Prediction, compares, is_uncertain, predict};
 use super::single_step::{self, Meaning, Single};
-use super::statements::{Sent, statement};
+use super::statements::Statements;
 use super::unchanged::{as_read, dates, fits};
-use crate::interrupt::stops_work;
 use crate::query::collation::during;
 use crate::query::{Collation, Filter, QueryError, check_upsert, constants, key};
 use crate::store::document::with_id_first;
@@ -38,7 +38,7 @@ use crate::store::{Find, Namespace, Store as _, StoreError, UpdateRequest, Updat
 const CHUNK: usize = 1_000;
 /// The same where each is named by a longer condition, with a collation.
 const CHUNK_WITH_COLLATION: usize = 100;
-/// About how many bytes of `_id`s one command names. With a collation each is named five times.
+/// About how many bytes of `_id`s one command names. With a collation each is named up to five times.
 const CHUNK_BYTES: usize = 2 << 20;
 /// About how many bytes of documents are read and updated by one command.
 const CHUNK_READ: usize = 48 << 20;
@@ -53,6 +53,8 @@ struct Work<'a> {
     at: DateTime,
     /// By which the update compares strings.
     collation: Option<Collation>,
+    /// Where not as many members confirmed a part as were to: the others are done all the same.
+    unconfirmed: RefCell<Option<StoreError>>,
 }
 
 impl MongoDb {
@@ -157,12 +159,14 @@ impl MongoDb {
         request: &UpdateRequest,
         at: DateTime,
     ) -> Result<Updated, StoreError> {
-        let work = Work { ns, request, at, collation: self.comparing(ns, request)? };
+        let unconfirmed = RefCell::default();
+        let work = Work { ns, request, at, collation: self.comparing(ns, request)?, unconfirmed };
         let done = if request.many { self.update_all(&work)? } else { self.update_first(&work)? };
         if done.matched == 0 && !request.upsert {
             // An update of nothing is checked by the server, too.
             self.apply(ns, UpdateRequest { filter: none_of(&request.filter), ..request.clone() })?;
         }
+        work.unconfirmed.take().map_or(Ok(()), |error| Err(error.after(done.modified)))?;
         Ok(done)
     }
 
@@ -185,7 +189,10 @@ impl MongoDb {
         };
         let mut done = Updated::default();
         let few = matching(request, request.filter.clone(), most as u64 + 1);
-        if !each && let Some(all) = self.read(ns, &few)?.filter(|all| all.len() <= most) {
+        if !each
+            && let Some(all) =
+                self.read(ns, &few)?.filter(|all| all.len() <= most && chunks(&ids(all), most).len() <= 1)
+        {
             self.update_several(work, all, &mut done)?;
             return Ok(done);
         }
@@ -195,9 +202,7 @@ impl MongoDb {
         let mut parts = chunks(&matches, most);
         parts.reverse();
         while let Some(ids) = parts.pop() {
-            if stops_work() {
-                return Err(StoreError::Interrupted { done: done.modified });
-            }
+            check_going_on(done.modified)?;
             let part = if each { None } else { self.part(work, ids).map_err(|e| e.after(done.modified))? };
             match part {
                 Some(before) => self.update_several(work, before, &mut done)?,
@@ -228,7 +233,7 @@ impl MongoDb {
     /// Those of these documents that still match, in this order; nothing where they have too many bytes.
     fn part(&self, work: &Work<'_>, ids: &[Bson]) -> Result<Option<Before>, StoreError> {
         let Work { ns, request, .. } = *work;
-        let these = doc! { "$and": [request.filter.clone(), named::among(ids, None)] };
+        let these = doc! { "$and": [beside_ids(request), named::among(ids, None)] };
         let find = Find { modifiers: request.modifiers.without_hint(), ..matching(request, these, 0) };
         let Some(before) = self.read(ns, &find)? else { return Ok(None) };
         let places: HashMap<Vec<u8>, usize> =
@@ -241,47 +246,49 @@ impl MongoDb {
     }
 
     /// Updates documents as they were read, up to one that cannot be updated.
-    fn update_several(&self, work: &Work<'_>, mut before: Before, done: &mut Updated) -> Result<(), StoreError> {
+    fn update_several(&self, work: &Work<'_>, before: Before, done: &mut Updated) -> Result<(), StoreError> {
         let Work { request, at, .. } = *work;
         if before.is_empty() {
             return Ok(());
         }
         let plain = without_metadata(&request.update, &before, at)?;
         let Some(predictions) = predict(&plain, request, work.collation.as_ref(), &before, at) else {
-            return self.update_and_date(work, plain, &before, done);
+            return self.update_and_date(work, &plain, &before, done);
         };
-        let fails = predictions.iter().position(|prediction| *prediction == Prediction::Fails);
-        let mut behind = fails.map_or_else(Before::new, |place| before.split_off(place));
         let (mut changing, mut rest) = (Before::new(), Before::new());
         for (document, prediction) in before.into_iter().zip(predictions) {
             match prediction {
                 Prediction::Changes => changing.push(document),
                 // The server would count it.
                 Prediction::Moves => done.matched += 1,
-                Prediction::Stays | Prediction::Fails => rest.push(document),
+                Prediction::Stays => rest.push(document),
+                Prediction::Fails => {
+                    self.update_changing(work, &plain, std::mem::take(&mut changing), done)?;
+                    self.update_and_date(work, &plain, &std::mem::take(&mut rest), done)?;
+                    // The server says why it cannot be updated, or updates it.
+                    self.update_one_by_one(work, &[document.0], done)?;
+                }
             }
         }
         self.update_changing(work, &plain, changing, done)?;
-        self.update_and_date(work, plain, &rest, done)?;
-        if !behind.is_empty() {
-            // The server says why it cannot be updated, or updates it.
-            let (id, _) = behind.remove(0);
-            self.update_one_by_one(work, &[id], done)?;
-            self.update_several(work, behind, done)?;
-        }
-        Ok(())
+        self.update_and_date(work, &plain, &rest, done)
     }
 
     /// The same for documents that may stay as they are.
     fn update_and_date(
         &self,
         work: &Work<'_>,
-        plain: UpdateSpec,
-        these: &Before,
+        plain: &UpdateSpec,
+        these: &[(Bson, RawDocumentBuf)],
         done: &mut Updated,
     ) -> Result<(), StoreError> {
+        if these.len() > 1 && !fits(&among(work.request, plain.clone(), these)?)? {
+            let (first, second) = these.split_at(these.len() / 2);
+            self.update_and_date(work, plain, first, done)?;
+            return self.update_and_date(work, plain, second, done);
+        }
         if !these.is_empty() {
-            let more = self.update_then_metadata(work.ns, work.request, plain, these, work.at);
+            let more = self.update_then_metadata(work.ns, work.request, plain.clone(), these, work.at);
             add(done, &more.map_err(|error| error.after(done.modified))?);
         }
         Ok(())
@@ -296,6 +303,9 @@ impl MongoDb {
         done: &mut Updated,
     ) -> Result<(), StoreError> {
         let Work { request, .. } = *work;
+        if these.is_empty() {
+            return Ok(());
+        }
         let has_collation = request.modifiers.collation.is_some();
         let condition = match plain {
             UpdateSpec::Document(update) if !has_collation || compares(request) => differing(update),
@@ -331,16 +341,21 @@ impl MongoDb {
             }
             Ok::<_, QueryError>((differing, alike))
         })?;
-        if !differing.is_empty() {
-            let asked = among(request, with_updated(plain, at)?, &differing)?;
-            let these = asked.filter.clone();
-            let filter = if condition.is_empty() {
-                asked.filter
-            } else {
-                doc! { "$and": [&these, condition] }
-            };
-            let sent = self.apply(ns, UpdateRequest { filter, ..asked });
-            let sent = sent.map_err(|error| self.counted(ns, error, (&ids(&differing), at), done.modified))?;
+        if differing.is_empty() {
+            return self.update_and_date(work, plain, &alike, done);
+        }
+        let mut asked = among(request, with_updated(plain, at)?, &differing)?;
+        let these = asked.filter.clone();
+        if !condition.is_empty() {
+            asked.filter = doc! { "$and": [&these, condition] };
+        }
+        if fits(&asked)? {
+            let sent = self.applied(ns, asked);
+            let (sent, unconfirmed) =
+                sent.map_err(|error| self.counted(ns, error, (&ids(&differing), at), done.modified))?;
+            if unconfirmed.is_some() {
+                work.unconfirmed.replace(unconfirmed);
+            }
             add(done, &sent);
             if !condition.is_empty() && sent.matched < differing.len() as u64 {
                 let kept = self.still_matching(work, plain, &differing, collation.as_ref());
@@ -350,8 +365,12 @@ impl MongoDb {
                 // To the others, another client has done the same. Those changed here may match as well.
                 done.matched += (now.len() as u64).saturating_sub(sent.matched.min(kept));
             }
+        } else if request.modifiers.collation.is_some() {
+            self.update_one_by_one(work, &ids(&differing), done)?;
+        } else {
+            self.update_by_statements(work, plain, &differing, done)?;
         }
-        self.update_and_date(work, plain.clone(), &alike, done)
+        self.update_and_date(work, plain, &alike, done)
     }
 
     /// How many of the documents match as an update leaves them.
@@ -388,22 +407,16 @@ impl MongoDb {
     ) -> Result<(), StoreError> {
         let Work { ns, request, at, .. } = *work;
         let dated = with_updated(plain, at)?;
+        let statements = Statements::new(request, plain, &dated)?;
         let (mut place, mut most) = (0, CHUNK);
         while let Some((id, _)) = these.get(place) {
-            if stops_work() {
-                return Err(StoreError::Interrupted { done: done.modified });
+            check_going_on(done.modified)?;
+            let some = these.iter().skip(place).take(most).map(|(id, body)| statements.of((id, body)));
+            let sent = self.send(ns, request, some).map_err(|error| error.after(done.modified))?;
+            let Some(sent) = sent else { return Ok(()) };
+            if sent.unconfirmed.is_some() {
+                work.unconfirmed.replace(sent.unconfirmed);
             }
-            let mut statements = Vec::new();
-            for (id, body) in these.iter().skip(place).take(most) {
-                match statement(request, plain, &dated, (id, body))? {
-                    Some(statement) => statements.push(statement),
-                    None => break,
-                }
-            }
-            let sent = match statements.is_empty() {
-                true => Sent { done: 0, has_failed: true },
-                false => self.send(ns, request, &statements).map_err(|error| error.after(done.modified))?,
-            };
             done.matched += sent.done as u64;
             done.modified += sent.done as u64;
             if sent.has_failed {
@@ -424,11 +437,9 @@ impl MongoDb {
     fn update_one_by_one(&self, work: &Work<'_>, these: &[Bson], done: &mut Updated) -> Result<(), StoreError> {
         let Work { ns, request, .. } = *work;
         for id in these {
-            if stops_work() {
-                return Err(StoreError::Interrupted { done: done.modified });
-            }
+            check_going_on(done.modified)?;
             let filter =
-                doc! { "$and": [request.filter.clone(), named::exactly(id, request.modifiers.collation.as_ref())] };
+                doc! { "$and": [beside_ids(request), named::exactly(id, request.modifiers.collation.as_ref())] };
             let find = matching(request, filter, 1);
             let one = self.in_attempts(|_| {
                 let Some(found) = with_ids(self.find(ns, &find)?)?.pop() else { return Ok(Some(Updated::default())) };
@@ -480,7 +491,7 @@ impl MongoDb {
     fn update_changed_by_others(&self, work: &Work<'_>, this: &Before) -> Result<Updated, StoreError> {
         let Work { ns, request, at, .. } = *work;
         let this = named::among(&ids(this), request.modifiers.collation.as_ref());
-        let filter = doc! { "$and": [request.filter.clone(), this] };
+        let filter = doc! { "$and": [beside_ids(request), this] };
         let left = with_ids(self.find(ns, &matching(request, filter, 0))?)?;
         if left.is_empty() {
             return Ok(Updated::default());
@@ -496,7 +507,7 @@ impl MongoDb {
         ns: &Namespace,
         request: &UpdateRequest,
         plain: UpdateSpec,
-        before: &Before,
+        before: &[(Bson, RawDocumentBuf)],
         at: DateTime,
     ) -> Result<Updated, StoreError> {
         let ids = ids(before);
@@ -523,7 +534,7 @@ impl MongoDb {
 }
 
 /// The `_id`s of the documents that are not as they were.
-fn changed(before: &Before, after: Before) -> Vec<Bson> {
+fn changed(before: &[(Bson, RawDocumentBuf)], after: Before) -> Vec<Bson> {
     let known: HashMap<Vec<u8>, &RawDocumentBuf> =
         before.iter().map(|(id, body)| (key::encode_value(id), body)).collect();
     let is_new = |(id, body): &(Bson, RawDocumentBuf)| known.get(&key::encode_value(id)).is_none_or(|old| *old != body);
@@ -557,7 +568,7 @@ fn chunks(ids: &[Bson], most: usize) -> Vec<&[Bson]> {
     chunks
 }
 
-fn ids(documents: &Before) -> Vec<Bson> {
+fn ids(documents: &[(Bson, RawDocumentBuf)]) -> Vec<Bson> {
     documents.iter().map(|(id, _)| id.clone()).collect()
 }
 
@@ -566,11 +577,23 @@ fn add(done: &mut Updated, more: &Updated) {
     done.modified += more.modified;
 }
 
+/// What the filter asks for beside the `_id`s, where these are named exactly.
+fn beside_ids(request: &UpdateRequest) -> Document {
+    match request.modifiers.collation {
+        None => named::beside_ids(&request.filter),
+        Some(_) => request.filter.clone(),
+    }
+}
+
 /// The request for those of the documents that still match.
-fn among(request: &UpdateRequest, update: UpdateSpec, before: &Before) -> Result<UpdateRequest, QueryError> {
+fn among(
+    request: &UpdateRequest,
+    update: UpdateSpec,
+    before: &[(Bson, RawDocumentBuf)],
+) -> Result<UpdateRequest, QueryError> {
     let these = named::among(&ids(before), request.modifiers.collation.as_ref());
     Ok(UpdateRequest {
-        filter: doc! { "$and": [request.filter.clone(), these, as_it_was(&request.update, before)?] },
+        filter: doc! { "$and": [beside_ids(request), these, as_it_was(&request.update, before)?] },
         update,
         upsert: false,
         ..request.clone()
@@ -664,8 +687,8 @@ pub(super) fn without_metadata(update: &UpdateSpec, before: &Before, at: DateTim
 
 /// The condition that the dates of a document are the known ones: a replacement keeps when its
 /// predecessor was inserted, and another client may have replaced that.
-pub(super) fn as_it_was(update: &UpdateSpec, before: &Before) -> Result<Document, QueryError> {
-    match (update, before.as_slice()) {
+pub(super) fn as_it_was(update: &UpdateSpec, before: &[(Bson, RawDocumentBuf)]) -> Result<Document, QueryError> {
+    match (update, before) {
         (UpdateSpec::Document(document), [(_, old)]) if is_replacement(document) => {
             let inserted = dates(old)?.get(INSERTED).cloned().unwrap_or(Bson::Null);
             Ok(doc! { path(INSERTED): { "$eq": inserted } })

@@ -12,6 +12,7 @@ use super::history::Made;
 use super::update::{is_replacement, replaces};
 use super::visible::{behind_expression, for_server, in_stages};
 use super::{MongoDb, failure, named, validation};
+use crate::deadline;
 use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
 use crate::store::document::{settle, with_id_first};
@@ -446,11 +447,11 @@ impl MongoDb {
     }
 
     fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
+        if !first_only || deadline::left().is_some() {
+            return self.removed_by_command(ns, query, first_only);
+        }
         let collection = self.collection(ns);
-        let action = match first_only {
-            true => collection.delete_one(query.filter.clone()),
-            false => collection.delete_many(query.filter.clone()),
-        };
+        let action = collection.delete_one(query.filter.clone());
         let deleted = modified!(action, query.modifiers, collation variables hint).run();
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
     }
@@ -513,15 +514,29 @@ impl MongoDb {
 
     /// Updates in the server's own way.
     pub(super) fn apply(&self, ns: &Namespace, request: UpdateRequest) -> Result<Updated, StoreError> {
-        let UpdateRequest { filter, update, array_filters, many, upsert, modifiers } = request;
-        let asked = Asked { filter, many, upsert, modifiers: &modifiers };
+        let (done, unconfirmed) = self.applied(ns, request)?;
+        unconfirmed.map_or(Ok(done), Err)
+    }
+
+    /// The same, also where not as many members confirmed it as were to.
+    pub(super) fn applied(
+        &self,
+        ns: &Namespace,
+        request: UpdateRequest,
+    ) -> Result<(Updated, Option<StoreError>), StoreError> {
+        // The driver knows of no limit of time, and sends no update of many again.
+        if request.many || deadline::left().is_some() {
+            return self.applied_by_command(ns, &request);
+        }
+        let UpdateRequest { filter, update, array_filters, upsert, modifiers, .. } = request;
+        let asked = Asked { filter, upsert, modifiers: &modifiers };
         let changed = match update {
             UpdateSpec::Document(document) if is_replacement(&document) => self.replace(ns, asked, &document)?,
             UpdateSpec::Document(document) => self.modify(ns, asked, document.into(), array_filters)?,
             UpdateSpec::Pipeline(stages) => self.modify(ns, asked, stages.into(), array_filters)?,
         };
         let UpdateResult { matched_count: matched, modified_count: modified, upserted_id: upserted, .. } = changed;
-        Ok(Updated { matched, modified, upserted })
+        Ok((Updated { matched, modified, upserted }, None))
     }
 
     fn modify(
@@ -532,11 +547,8 @@ impl MongoDb {
         array_filters: Vec<Document>,
     ) -> Result<UpdateResult, StoreError> {
         let collection = self.collection(ns);
-        let mut action = match asked.many {
-            true => collection.update_many(asked.filter, changes),
-            false => collection.update_one(asked.filter, changes),
-        };
-        action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
+        let action = collection.update_one(asked.filter, changes);
+        let mut action = bypassing!(self, modified!(action, asked.modifiers, collation variables hint));
         if !array_filters.is_empty() {
             action = action.array_filters(array_filters);
         }
@@ -544,11 +556,6 @@ impl MongoDb {
     }
 
     fn replace(&self, ns: &Namespace, asked: Asked<'_>, replacement: &Document) -> Result<UpdateResult, StoreError> {
-        if asked.many {
-            return Err(
-                QueryError::failed_to_parse("a replacement document cannot be applied to many documents").into()
-            );
-        }
         let body = RawDocumentBuf::try_from(replacement).map_err(QueryError::from)?;
         let collection = self.collection(ns);
         let action = collection.replace_one(asked.filter, body);
@@ -560,7 +567,6 @@ impl MongoDb {
 /// Which documents an update asks for.
 struct Asked<'m> {
     filter: Document,
-    many: bool,
     upsert: bool,
     modifiers: &'m Modifiers,
 }

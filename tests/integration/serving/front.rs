@@ -24,6 +24,11 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::clients_that_change_the_same_documents_all_get_done", crowded),
     ("serving::in_front_of_mongod::of_clients_that_do_the_same_one_did_it", claimed),
     ("serving::in_front_of_mongod::an_update_of_many_changes_each_once_beside_others", once_each),
+    ("serving::in_front_of_mongod::an_update_of_many_takes_what_a_command_has_room_for", sized),
+    ("serving::in_front_of_mongod::an_update_of_many_takes_documents_that_rmem_cannot_compute", uncomputed),
+    ("serving::in_front_of_mongod::what_waits_for_the_server_ends_in_time", waiting),
+    ("serving::in_front_of_mongod::an_update_of_many_makes_no_collection_that_was_dropped", dropped),
+    ("serving::in_front_of_mongod::an_update_of_many_goes_on_where_its_parts_are_not_confirmed", unconfirmed),
     ("serving::in_front_of_mongod::an_upsert_that_others_were_faster_with_changes_nothing", upserted),
     ("serving::in_front_of_mongod::each_client_signs_what_it_changed", signed),
     ("serving::in_front_of_mongod::each_client_takes_the_nearest", nearest),
@@ -290,6 +295,144 @@ fn once_each(mongod: &str) -> Result<(), Failed> {
     at_once(3, change)?;
     assert_eq!(tables.count_documents(doc! { "l.x": 0 }).run()?, 0);
     database.drop().run()?;
+    Ok(())
+}
+
+fn sized(mongod: &str) -> Result<(), Failed> {
+    const LARGE: usize = 9 << 20;
+    let (_folder, _served, database) = emptied(mongod, "sized")?;
+    let things = database.collection::<Document>("things");
+    let names: Vec<String> = (0..2500).map(|n| format!("a thing with a long name, {n}")).collect();
+    let new = |id: i32| doc! { "_id": id, "name": &names[id as usize], "n": 1, "l": [{ "x": 0 }, { "x": 1 }] };
+    things.insert_many((0..2500).map(new)).run()?;
+    let ids: Vec<i32> = (0..2500).collect();
+    for (filter, update) in [
+        (doc! { "name": { "$in": &names } }, doc! { "$mul": { "n": 2 } }),
+        (doc! { "_id": { "$in": &ids } }, doc! { "$mul": { "n": 2 } }),
+        (doc! { "_id": { "$in": &ids }, "l.x": 1 }, doc! { "$set": { "l.$.y": 1 } }),
+        (doc! { "name": { "$in": &names[..100] }, "l.x": 1 }, doc! { "$set": { "l.$.z": 1 } }),
+    ] {
+        let count = if update.to_string().contains(".z") { 100 } else { 2500 };
+        let done = things.update_many(filter, update.clone()).run()?;
+        assert_eq!((done.matched_count, done.modified_count), (count, count), "{update}");
+    }
+    assert_eq!(things.count_documents(doc! { "n": 4, "l.1.y": 1, "l.0.y": { "$exists": false } }).run()?, 2500);
+    assert_eq!(things.count_documents(doc! { "l.1.z": 1 }).run()?, 100);
+    things.drop().run()?;
+    let large = |letter: &str| letter.repeat(LARGE);
+    let reference = || doc! { "$ref": "c", "$id": 1 };
+    things.insert_many((0..2).map(|id| doc! { "_id": id, "l": [1, reference()] })).run()?;
+    for update in [
+        doc! { "$set": { "b": large("a") } },
+        doc! { "$set": { "b": "c".repeat(LARGE + (6 << 20)) } },
+        doc! { "$unset": { "b": 1 } },
+        doc! { "$addToSet": { "l": large("d") } },
+        doc! { "$pullAll": { "l": [large("d")] } },
+        doc! { "$pullAll": { "l": [reference()] } },
+    ] {
+        let done = things.update_many(doc! {}, update.clone()).run()?;
+        assert_eq!((done.matched_count, done.modified_count), (2, 2), "{:.40}", update.to_string());
+    }
+    assert_eq!(things.count_documents(doc! { "l": [1], "b": { "$exists": false } }).run()?, 2);
+    things.drop().run()?;
+    // Texts that a request with a collation names by their bytes.
+    for letter in ["x", "y", "z"] {
+        things.insert_one(doc! { "_id": letter.repeat(4 << 20) }).run()?;
+    }
+    let ignoring_case =
+        Collation::builder().locale("en").strength(mongodb::options::CollationStrength::Secondary).build();
+    for update in [doc! { "$addToSet": { "l": { "$each": [1] } } }, doc! { "$inc": { "n": 1 } }] {
+        let done = things.update_many(doc! {}, update).collation(ignoring_case.clone()).run()?;
+        assert_eq!((done.matched_count, done.modified_count), (3, 3));
+    }
+    database.drop().run()?;
+    Ok(())
+}
+
+fn uncomputed(mongod: &str) -> Result<(), Failed> {
+    let (_folder, _served, database) = emptied(mongod, "uncomputed")?;
+    let things = database.collection::<Document>("things");
+    let text = |id: i32| if id % 3 == 0 { "2020-01-01" } else { "@1234567" };
+    things.insert_many((0..200).map(|id| doc! { "_id": id, "at": text(id) })).run()?;
+    let parse = vec![doc! { "$set": { "date": { "$dateFromString": { "dateString": "$at" } } } }];
+    let done = things.update_many(doc! {}, parse.clone()).run()?;
+    assert_eq!((done.matched_count, done.modified_count), (200, 200));
+    let done = things.update_many(doc! {}, parse).run()?;
+    assert_eq!((done.matched_count, done.modified_count), (200, 0));
+    database.drop().run()?;
+    Ok(())
+}
+
+fn waiting(mongod: &str) -> Result<(), Failed> {
+    let (_folder, _served, database) = emptied(mongod, "waiting")?;
+    database.collection("c").insert_many((0..9).map(|id| doc! { "_id": id, "n": 1 })).run()?;
+    let behind = Client::with_uri_str(mongod)?;
+    let mut other = behind.start_session().run()?;
+    other.start_transaction().run()?;
+    let held = behind.database("waiting").collection::<Document>("c");
+    held.update_one(doc! { "_id": 5 }, doc! { "$set": { "n": 5 } }).session(&mut other).run()?;
+    let add = vec![doc! { "$set": { "n": { "$add": ["$n", 1] } } }];
+    let update = |update: bson::Bson, many: bool| {
+        let query = if many {
+            doc! {}
+        } else {
+            doc! { "_id": 5 }
+        };
+        doc! { "update": "c", "updates": [{ "q": query, "u": update, "multi": many }] }
+    };
+    let changes =
+        [doc! { "$inc": { "n": 1 } }.into(), doc! { "$mul": { "n": 2 } }.into(), add.into(), doc! { "n": 7 }.into()];
+    let updates = changes.into_iter().map(|change: bson::Bson| {
+        let is_whole = change.as_document().is_some_and(|change| change.contains_key("n"));
+        update(change, !is_whole)
+    });
+    let deletes = [0, 1].map(|limit| doc! { "delete": "c", "deletes": [{ "q": { "_id": 5 }, "limit": limit }] });
+    for mut command in updates.chain(deletes) {
+        command.insert("maxTimeMS", 200);
+        assert_eq!(code(database.run_command(command.clone()).run()), Some(50), "{command}");
+    }
+    other.abort_transaction().run()?;
+    assert_eq!(held.count_documents(doc! { "_id": 5, "n": 1 }).run()?, 1);
+    database.drop().run()?;
+    Ok(())
+}
+
+fn dropped(mongod: &str) -> Result<(), Failed> {
+    let (_folder, served, database) = emptied(mongod, "dropped")?;
+    let things = database.collection::<Document>("things");
+    for pause in [20, 60, 100] {
+        things.insert_many((0..3000).map(|id| doc! { "_id": id, "n": 1 })).run()?;
+        at_once(2, |client| {
+            let things = served.client()?.database("dropped").collection::<Document>("things");
+            if client == 0 {
+                std::thread::sleep(std::time::Duration::from_millis(pause));
+                things.drop().run()?;
+            } else {
+                // It may end with what MongoDB says of a collection that has gone.
+                let _ = things.update_many(doc! {}, doc! { "$mul": { "n": 2 } }).run();
+            }
+            Ok(())
+        })?;
+        assert_eq!(database.list_collection_names().run()?, [""; 0]);
+    }
+    Ok(())
+}
+
+/// One member of a set of one cannot be confirmed by two.
+fn unconfirmed(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let behind = Client::with_uri_str(mongod)?.database("unconfirmed");
+    behind.drop().run()?;
+    let things = behind.collection::<Document>("c");
+    things.insert_many((0..2500).map(|id| doc! { "_id": id, "n": 1 })).run()?;
+    let separator = if mongod.contains('?') { '&' } else { '?' };
+    let asking = format!("{mongod}{separator}w=2&wtimeoutMS=100");
+    for (update, n) in [("{$mul: {n: 2}}", 2), ("{$inc: {n: 1}}", 3)] {
+        let said = rmem(folder.path(), &asking, &["update", "unconfirmed.c", "--many", "{}", update])?;
+        assert!(said.contains("did not confirm it"), "{said}");
+        assert_eq!(things.count_documents(doc! { "n": n }).run()?, 2500, "{said}");
+    }
+    behind.drop().run()?;
     Ok(())
 }
 
