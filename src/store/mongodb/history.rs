@@ -15,6 +15,7 @@ use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 use mongodb::sync::Collection;
 
+use super::keeping::Owed;
 use super::position::HISTORY;
 use super::{MongoDb, failure};
 use crate::query::{QueryError, key};
@@ -40,15 +41,17 @@ const BATCH: usize = 200;
 
 /// Which changes a write made, as a filter on entries, and how many.
 pub(super) struct Made {
-    pub(super) count: u64,
-    pub(super) filter: Document,
+    count: u64,
+    filter: Document,
+    /// Whether the filter tells them from all later changes.
+    is_exact: bool,
 }
 
 impl Made {
     /// What was stored under these `_id`s.
     pub(super) fn inserts(ids: &[Bson]) -> Self {
         let filter = doc! { "operation": "insert", "document": { "$in": ids } };
-        Self { count: ids.len() as u64, filter }
+        Self { count: ids.len() as u64, filter, is_exact: true }
     }
 
     /// What has this date in its metadata.
@@ -57,7 +60,7 @@ impl Made {
             let dated = |key: &str| doc! { format!("after.{}", info_path(key)): at };
             doc! { "$or": [dated(UPDATED), dated(INSERTED)] }
         });
-        Self { count, filter }
+        Self { count, filter, is_exact: at.is_some() }
     }
 
     /// What was removed: the documents with these `_id`s, where they are known.
@@ -66,7 +69,7 @@ impl Made {
         if !ids.is_empty() {
             filter.insert("document", doc! { "$in": ids });
         }
-        Self { count, filter }
+        Self { count, filter, is_exact: !ids.is_empty() }
     }
 }
 
@@ -81,6 +84,11 @@ impl MongoDb {
 
     pub(super) fn set_author(&self, author: &str) {
         self.keeping().sign(author);
+    }
+
+    /// Why the last write is not in the history, where nobody was told.
+    pub(super) fn take_unrecorded(&self) -> Option<String> {
+        self.keeping().unrecorded.take()
     }
 
     /// The time of a change. Where the history is kept, changes are known by it as this process's: no two have the same.
@@ -121,12 +129,45 @@ impl MongoDb {
         let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
         self.begin(ns)?;
         let start = self.server_time()?;
+        let mut owed = Owed::take(&self.address, ns);
         self.keeping().is_recording = true;
         let done = work();
         self.keeping().is_recording = false;
-        let is_recorded = self.record_own(ns, &rule, &made(done.as_ref()), start);
-        // Of two failures, that of the write is the first.
-        done.and_then(|done| is_recorded.map(|()| done))
+        let made = made(done.as_ref());
+        let may_be_made = matches!(done, Err(StoreError::Unreachable { may_be_done: true, .. }));
+        if made.count > 0 || may_be_made {
+            owed.push(self.signature(ns, &made, start));
+        }
+        let recorded = self.record_own(ns, &rule, made.count, &mut owed);
+        // Those whose changes are not recorded yet.
+        Owed::keep(owed);
+        match (done, recorded) {
+            // What was done is recorded later: the next one who records goes on where this one ended.
+            (done, Ok(()) | Err(StoreError::Unreachable { .. })) => done,
+            (Ok(done), Err(error)) => self.tell_unrecorded(ns, &error).map(|()| done),
+            // Of two failures, that of the write is the first.
+            (done, Err(_)) => done,
+        }
+    }
+
+    /// Says that a write was done, and is not in the history: to those who ask for it behind the write, else as the error of
+    /// the write.
+    fn tell_unrecorded(&self, ns: &Namespace, error: &StoreError) -> Result<(), StoreError> {
+        let reason = format!("the change of {ns} was made, but could not be recorded in the history: {error}");
+        if !self.write_policy.is_postponed() {
+            return Err(StoreError::Unconfirmed { address: self.address.clone(), reason });
+        }
+        self.keeping().unrecorded = Some(reason);
+        Ok(())
+    }
+
+    /// How the changes of a write are signed that began at a time.
+    fn signature(&self, ns: &Namespace, made: &Made, start: DateTime) -> Owed {
+        let mut entries = made.filter.clone();
+        entries.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
+        let keeping = self.keeping();
+        let signature = doc! { "$set": { "by": &keeping.author, "run": keeping.run } };
+        Owed { address: self.address.clone(), namespace: ns.clone(), entries, signature, is_exact: made.is_exact }
     }
 
     /// Makes the watch of a collection, before the first change that it is to record.
@@ -165,33 +206,42 @@ impl MongoDb {
         Ok(hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()))
     }
 
-    /// Records the changes up to those of a write, and signs these.
-    fn record_own(&self, ns: &Namespace, rule: &HistoryRule, made: &Made, start: DateTime) -> Result<(), StoreError> {
-        if made.count == 0 {
-            return Ok(());
-        }
-        let (author, run) = {
-            let keeping = self.keeping();
-            (keeping.author.clone(), keeping.run)
-        };
-        let mut own = made.filter.clone();
-        own.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
-        let set = doc! { "$set": { "by": author, "run": run } };
+    /// Records the changes up to those of a write, of which there are `count`, and signs these, the last of what is owed. What
+    /// is owed from before lies before them, so that nothing is owed then.
+    fn record_own(
+        &self,
+        ns: &Namespace,
+        rule: &HistoryRule,
+        count: u64,
+        owed: &mut Vec<Owed>,
+    ) -> Result<(), StoreError> {
+        let Some(own) = owed.last().filter(|_| count > 0) else { return Ok(()) };
         let (mut progress, mut signed) = (Instant::now(), 0);
-        while signed < made.count && progress.elapsed() < OWN_TIMEOUT {
+        while signed < count && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, Duration::from_millis(50), made.count - signed)?;
+            let recorded = self.catch_up(ns, rule, Duration::from_millis(50), count - signed)?;
             if recorded == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
-            let updated = self.entries(ns).update_many(own.clone(), set.clone()).run();
-            let more = updated.map_err(|e| self.explain(&e))?.modified_count;
+            let more = self.sign_entries(ns, own)?;
             signed += more;
             if recorded + more > 0 {
                 progress = Instant::now();
             }
         }
+        if signed >= count {
+            owed.pop();
+            while let Some(before) = owed.last() {
+                self.sign_entries(ns, before)?;
+                owed.pop();
+            }
+        }
         Ok(())
+    }
+
+    fn sign_entries(&self, ns: &Namespace, owed: &Owed) -> Result<u64, StoreError> {
+        let signed = self.entries(ns).update_many(owed.entries.clone(), owed.signature.clone()).run();
+        Ok(signed.map_err(|e| self.explain(&e))?.modified_count)
     }
 
     /// Records the changes that are there, at most so many; returns how many.
