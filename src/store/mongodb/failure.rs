@@ -23,6 +23,9 @@ pub(super) const NO_STREAMS: i32 = 40_573;
 /// Codes for a change stream that cannot go on where it ended.
 pub(super) const HISTORY_LOST: [i32; 3] = [136, 280, 286];
 
+/// The server's code for what has no room in a document, such as an event of a change stream.
+pub(super) const TOO_LARGE: i32 = 10_334;
+
 /// What to do about a server that is not replicated.
 pub(super) const STANDALONE: &str = "this server is not a member of a replica set, and only replica sets report \
      changes; start mongod with --replSet NAME and run rs.initiate() once (one member is enough)";
