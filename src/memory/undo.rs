@@ -140,7 +140,10 @@ impl Memory {
         let (Some(first), Some(last)) = (changes.first, changes.last) else { return Ok(None) };
         let id = first.change.id.clone().unwrap_or(Bson::Null);
         if first.change.before.is_none() && first.change.kind != ChangeKind::Insert {
-            let message = format!("the history of {ns} has not what the document with _id {id} was before");
+            let message = format!(
+                "the history of {ns} has not what the document with _id {id} was before; on a MongoDB server, it is not kept of \
+                 documents of about 8 MB or more, nor before version 6"
+            );
             return Err(QueryError::bad_value(message).into());
         }
         let find = Find { filter: doc! { "_id": { "$eq": &id } }, limit: 1, current: true, ..Find::default() };

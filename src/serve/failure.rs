@@ -131,6 +131,11 @@ impl Failure {
         self
     }
 
+    /// The same where something was done: it is not to be repeated as a whole.
+    fn unlabeled(self) -> Self {
+        Self { labels: Vec::new(), ..self }
+    }
+
     /// Whether it is about the server, and not about what it was asked.
     pub(super) fn is_of_server(&self) -> bool {
         matches!(self.code, codes::UNREACHABLE | codes::FAILED | codes::WRITE_CONFLICT | codes::CONFLICT)
@@ -207,8 +212,15 @@ impl From<StoreError> for Failure {
         let message = error.to_string();
         match error {
             StoreError::Query(error) => error.into(),
-            StoreError::Stopped { source, .. } => Self::from(*source),
-            StoreError::Partial { source, .. } => Self::from(*source).after_the_rest(),
+            StoreError::Stopped { stored, source, .. } if stored.is_empty() => Self::from(*source),
+            StoreError::Stopped { source, .. } => Self::from(*source).unlabeled(),
+            StoreError::Partial { source, .. } => {
+                let mut failure = Self::from(*source).unlabeled().after_the_rest();
+                if failure.code == codes::UNREACHABLE {
+                    failure.message = format!("{}; {message}", failure.message);
+                }
+                failure
+            }
             StoreError::Duplicate { namespace, key, .. } => duplicate(&namespace.to_string(), &key),
             StoreError::Invalid(invalid) => {
                 let failure = Self::new(codes::INVALID_DOCUMENT, "Document failed validation");
@@ -283,6 +295,11 @@ mod tests {
         };
         assert_eq!(labels(false), [RETRYABLE]);
         assert!(labels(true).is_empty());
+        let away = || Box::new(StoreError::unreachable("mongodb://robot1", "closed"));
+        let stopped = |stored| Failure::from(StoreError::Stopped { stored, document: None, source: away() }).labels;
+        assert_eq!(stopped(Vec::new()), [RETRYABLE]);
+        assert!(stopped(vec![Bson::Int32(1)]).is_empty());
+        assert!(Failure::from(StoreError::Partial { done: 1, source: away() }).labels.is_empty());
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub enum StoreError {
         address: String,
         /// What went wrong.
         reason: String,
-        /// Whether it is not known if a write was done: the connection was lost after it was sent.
+        /// Whether a write was done, or it is not known if it was: the connection was lost after it was sent.
         may_be_done: bool,
     },
     /// A unique key is taken.
@@ -93,12 +93,12 @@ pub enum StoreError {
         /// What was not done, and what to do.
         reason: String,
     },
-    /// A write that was done, but which a majority of the servers has not confirmed.
+    /// A write that was done, but which a majority of the servers has not confirmed, or which is not in the history.
     #[error("{address}: {reason}")]
     Unconfirmed {
         /// The address, without credentials.
         address: String,
-        /// What is not confirmed, and what to do.
+        /// What is not confirmed, or not recorded, and what to do.
         reason: String,
     },
     /// Anything else: no permission, a damaged file, a server's refusal.
@@ -148,10 +148,12 @@ impl StoreError {
         Self::Computable { name: name.to_owned(), fault: error.fault(), source: Box::new(error) }
     }
 
-    /// The error of a change of several documents that ended early, after `done` of them, which stay changed.
+    /// The error of a change of several documents that ended early, after `done` of them, which stay changed. One that says
+    /// so already is about these, and perhaps more.
     pub(crate) fn after(self, done: u64) -> Self {
         match self {
             Self::Interrupted { .. } => Self::Interrupted { done },
+            Self::Partial { done: known, source } => Self::Partial { done: known.max(done), source },
             source if done > 0 => Self::Partial { done, source: Box::new(source) },
             other => other,
         }

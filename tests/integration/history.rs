@@ -1,24 +1,27 @@
 //! The history on a MongoDB server: of rmem's own writes, and of what other clients change.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{DateTime, Document, doc};
 use libtest_mimic::Failed;
 use mongodb::sync::Client;
 use rmem::memory::Memory;
 use rmem::memory::history::{Selection, listed};
-use rmem::store::{Find, HistoryRule, Namespace, Scope, StoreUri, UpdateRequest, UpdateSpec};
+use rmem::memory::watch::Trigger;
+use rmem::store::{Find, HistoryRule, Namespace, Next, Scope, StoreUri, UpdateRequest, UpdateSpec};
 
 use crate::processes::until;
 
 type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
-pub(crate) const CASES: [(&str, Case); 3] = [
+pub(crate) const CASES: [(&str, Case); 5] = [
     ("history::mongodb::own_writes_are_signed_and_those_of_others_are_recorded", written_by_all),
     ("history::mongodb::the_memory_is_read_as_it_was_and_changes_are_taken_back", read_and_undone),
     ("history::mongodb::record_keeps_the_history_while_it_runs", recorded),
+    ("history::mongodb::what_is_dated_in_a_second_step_is_signed_and_taken_back", dated_later),
+    ("history::mongodb::changes_of_large_documents_are_passed", large),
 ];
 
 fn ns(name: &str) -> Namespace {
@@ -140,5 +143,60 @@ fn recorded(uri: &str) -> Result<(), Failed> {
         Ok(())
     })?;
     assert_eq!(entries(&memory, &ns)?.len(), 2);
+    Ok(())
+}
+
+/// What no one can predict: the server changes the documents, and rmem writes the date behind that.
+fn by_chance() -> UpdateRequest {
+    let update = UpdateSpec::Pipeline(vec![doc! { "$set": { "n": { "$rand": {} } } }]);
+    UpdateRequest { update, many: true, ..UpdateRequest::default() }
+}
+
+fn dated_later(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("dated"), memory(uri, "rmem test")?);
+    memory.insert(&ns, (0..3).map(|id| doc! { "_id": id, "n": 5 }).collect())?;
+    memory.sign("by chance");
+    let start = Instant::now();
+    assert_eq!(memory.update(&ns, &by_chance())?.modified, 3);
+    assert!(start.elapsed() < Duration::from_secs(2), "its entries were not found");
+    let signed = entries(&memory, &ns)?.into_iter().filter(|entry| entry.starts_with(r#""by chance" "update""#));
+    assert_eq!(signed.count(), 3);
+    let plan = memory.plan_undo(&select(&ns), Some(1))?;
+    assert_eq!((plan.changes, plan.conflicts().count()), (3, 0));
+    memory.undo(&ns, &plan)?;
+    assert_eq!(memory.count(&ns, &doc! { "n": 5 })?, 3);
+    Ok(())
+}
+
+fn large(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("large"), memory(uri, "rmem test")?);
+    memory.insert(&ns, vec![doc! { "_id": 1, "n": 1, "text": "x".repeat(9 << 20) }])?;
+    let trigger = Trigger { namespace: ns.clone(), filter: doc! {}, name: None, computed: false, metadata: false };
+    let mut watch = memory.watch(trigger)?;
+    memory.sign("large");
+    let start = Instant::now();
+    assert_eq!(memory.update(&ns, &set(doc! {}, doc! { "n": 2 }, true))?.modified, 1);
+    assert_eq!(memory.update(&ns, &by_chance())?.modified, 1);
+    memory.sign("small");
+    memory.insert(&ns, vec![doc! { "_id": 2, "n": 2 }])?;
+    assert!(start.elapsed() < Duration::from_secs(4), "its entries were not found");
+    let found: Vec<_> = memory.history(&select(&ns))?.collect::<Result<_, _>>()?;
+    let images = |place: usize| (found[place].change.before.is_some(), found[place].change.after.is_some());
+    assert_eq!([0, 1, 2, 3].map(images), [(false, true), (false, false), (false, false), (false, true)]);
+    let authors: Vec<_> = found.iter().map(|entry| entry.author.as_deref().unwrap_or("-")).collect();
+    assert_eq!(authors, ["rmem test", "large", "large", "small"]);
+    // What is small is taken back, and of what is large it is said that it cannot be.
+    let plan = memory.plan_undo(&select(&ns), Some(1))?;
+    memory.undo(&ns, &plan)?;
+    assert_eq!(memory.count(&ns, &doc! { "_id": 2 })?, 0);
+    let by = Selection { by: Some("large".to_owned()), ..select(&ns) };
+    let error = memory.plan_undo(&by, None).err().ok_or("it was planned")?.to_string();
+    assert!(error.contains("of documents of about 8 MB or more"), "{error}");
+    // A watch has the document after the change.
+    let mut seen = Vec::new();
+    while let Next::Change(change) = watch.next(Duration::from_secs(2))? {
+        seen.push(format!("{} {}", change.kind.name(), change.after.is_some()));
+    }
+    assert_eq!(seen, ["update true", "update true", "insert true", "delete false"]);
     Ok(())
 }

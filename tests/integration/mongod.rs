@@ -129,6 +129,14 @@ impl Mongod {
         Ok(server)
     }
 
+    /// The same with a server that can be told to fail.
+    pub(crate) fn failing(program: &Path) -> Result<Self, String> {
+        let options = ["--replSet", "test", "--setParameter", "enableTestCommands=1"];
+        let server = Self::launch(program, &options, "?replicaSet=test")?;
+        initiate(server.port)?;
+        Ok(server)
+    }
+
     /// Starts three members of a replica set whose elections take a second or two; gives the address of the set, too.
     pub(crate) fn members(program: &Path) -> Result<(Vec<Self>, String), String> {
         let members =

@@ -62,7 +62,7 @@ type Killer = fn(&Path) -> Result<(), Failed>;
 fn killers() -> impl Iterator<Item = (&'static str, Killer)> {
     let killers = triggers::KILLERS.iter();
     #[cfg(feature = "serve")]
-    let killers = killers.chain(crate::serving::KILLERS);
+    let killers = killers.chain(crate::serving::KILLERS).chain(crate::serving::OUTAGES);
     killers.copied()
 }
 

@@ -23,6 +23,9 @@ pub(super) const NO_STREAMS: i32 = 40_573;
 /// Codes for a change stream that cannot go on where it ended.
 pub(super) const HISTORY_LOST: [i32; 3] = [136, 280, 286];
 
+/// The server's code for what has no room in a document, such as an event of a change stream.
+pub(super) const TOO_LARGE: i32 = 10_334;
+
 /// What to do about a server that is not replicated.
 pub(super) const STANDALONE: &str = "this server is not a member of a replica set, and only replica sets report \
      changes; start mongod with --replSet NAME and run rs.initiate() once (one member is enough)";
@@ -95,6 +98,25 @@ pub(super) fn explain_change(address: &str, ns: &Namespace, error: &Error) -> St
     sent(explain_write(address, ns, error), error, || format!("the change of {ns} was made"))
 }
 
+/// The error of what follows a change in `ns` that was made, or may have been: it does not say that nothing was done.
+pub(super) fn behind_change(ns: &Namespace, is_made: bool, error: StoreError) -> StoreError {
+    let made = format!("the change of {ns} was made");
+    let what = if is_made { made.clone() } else { unknown(&made) };
+    let unsaid = format!("; {}", unknown(&made));
+    let told = |reason: &str| format!("{}; {what}", reason.strip_suffix(&unsaid).unwrap_or(reason));
+    match error {
+        StoreError::Unreachable { address, reason, .. } => {
+            StoreError::Unreachable { address, reason: told(&reason), may_be_done: true }
+        }
+        StoreError::Failed { address, reason } => StoreError::Failed { address, reason: told(&reason) },
+        other => other,
+    }
+}
+
+fn unknown(what: &str) -> String {
+    format!("whether {what} is not known")
+}
+
 /// The error of a write that was sent to a server, where one was found: where the connection was lost meanwhile, it is
 /// not known whether `what` is so.
 fn sent(explained: StoreError, error: &Error, what: impl FnOnce() -> String) -> StoreError {
@@ -102,7 +124,7 @@ fn sent(explained: StoreError, error: &Error, what: impl FnOnce() -> String) -> 
         StoreError::Unreachable { address, reason, .. }
             if !matches!(*error.kind, ErrorKind::ServerSelection { .. }) =>
         {
-            let reason = format!("{reason}; whether {} is not known", what());
+            let reason = format!("{reason}; {}", unknown(&what()));
             StoreError::Unreachable { address, reason, may_be_done: true }
         }
         other => other,
@@ -186,7 +208,7 @@ pub(super) fn explain_insert(address: &str, ns: &Namespace, ids: &[Bson], error:
     StoreError::Duplicate { namespace: ns.clone(), key, stored }
 }
 
-/// The error of an insert of documents behind others, which are stored.
+/// The error of an insert of documents behind others, which are stored: those before it, if there are any.
 pub(super) fn behind(before: &[Bson], error: StoreError) -> StoreError {
     let all = |stored: Vec<Bson>| [before, &stored].concat();
     match error {
@@ -196,6 +218,9 @@ pub(super) fn behind(before: &[Bson], error: StoreError) -> StoreError {
         StoreError::Stopped { stored, document, source } => {
             let document = document.map(|nth| nth + before.len());
             StoreError::Stopped { stored: all(stored), document, source }
+        }
+        other if !before.is_empty() => {
+            StoreError::Stopped { stored: before.to_vec(), document: None, source: Box::new(other) }
         }
         other => other,
     }
@@ -278,6 +303,22 @@ mod tests {
         assert_eq!(key(message).to_string(), "name: \"x}\" (unique index name_1)");
         let id = key("E11000 duplicate key error collection: a.b index: _id_ dup key: { _id: {} }");
         assert_eq!(id.to_string(), "_id: {}");
+    }
+
+    #[test]
+    fn no_error_behind_a_change_says_that_it_was_not_made() {
+        let ns = Namespace::parse("a.b").unwrap();
+        let unreachable = || StoreError::unreachable("mongodb://robot1", "closed");
+        let text = |is_made, error| behind_change(&ns, is_made, error).to_string();
+        assert!(matches!(behind_change(&ns, true, unreachable()), StoreError::Unreachable { may_be_done: true, .. }));
+        let made = "cannot reach mongodb://robot1: closed; the change of a.b was made";
+        assert_eq!(text(true, unreachable()), made);
+        // One of a second request that was sent is about the first one, too.
+        let uncertain = behind_change(&ns, false, unreachable());
+        assert!(uncertain.to_string().ends_with("closed; whether the change of a.b was made is not known"));
+        assert_eq!(text(true, uncertain), made);
+        let stopped = behind(&[Bson::Int32(1)], unreachable());
+        assert_eq!(stopped.stored(), [Bson::Int32(1)]);
     }
 
     #[test]

@@ -81,8 +81,11 @@ impl MongoDb {
             Err(StoreError::Query(mistake)) if at.is_some() => {
                 // Of several mistakes, that of the update is the first.
                 let (filter, projection) = (Document::new(), Document::new());
-                self.check(ns, &FindAndModify { filter, projection, ..request.clone() }, &update)?;
-                Err(mistake.into())
+                match self.check(ns, &FindAndModify { filter, projection, ..request.clone() }, &update) {
+                    Err(first @ StoreError::Query(_)) => Err(first),
+                    // The document may be changed: no other error says so.
+                    _ => Err(mistake.into()),
+                }
             }
             done => done,
         }
@@ -221,13 +224,15 @@ impl MongoDb {
             Err(error) => return Err(error),
         };
         let find = Find { filter: same(&id), limit: 1, current: true, ..Find::default() };
-        let after = self.find(ns, &find)?.next().transpose()?;
+        let after = self.find(ns, &find).and_then(|mut found| found.next().transpose());
+        let after = after.map_err(|error| failure::behind_change(ns, shown.is_ok(), error))?;
         let is_changed = after.is_some_and(|after| after != *before);
         if !is_changed {
             return Ok(Attempt::done(shown?, false));
         }
         let date = UpdateSpec::Document(doc! { "$set": { path(UPDATED): at } });
-        self.apply(ns, UpdateRequest { filter: same(&id), update: date, ..UpdateRequest::default() })?;
+        let is_dated = self.apply(ns, UpdateRequest { filter: same(&id), update: date, ..UpdateRequest::default() });
+        is_dated.map_err(|error| failure::behind_change(ns, true, error))?;
         let document = shown?;
         Ok(Attempt::changed(if request.new { dated(document, &request.projection, at)? } else { document }))
     }

@@ -5,6 +5,9 @@
 //! clients change is recorded, too, and a process that is killed between its write and the recording
 //! leaves that to the next. An entry's `_id` is the position of its change, so none is recorded twice.
 //! rmem signs its own changes once they are recorded.
+//!
+//! Where rmem writes the date of a change in a second step, that belongs to the entry of the change. Of documents that have no
+//! room in an entry, or in an event of the server, the dates alone are kept.
 
 use std::collections::hash_map::Entry::Vacant;
 use std::collections::{HashMap, HashSet};
@@ -15,15 +18,16 @@ use bson::raw::RawBsonRef;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 use mongodb::sync::Collection;
 
+use super::keeping::Owed;
 use super::position::HISTORY;
 use super::{MongoDb, failure};
 use crate::query::{QueryError, key};
 use crate::saturate::to_i64;
 use crate::store::history::{Entry, History, HistoryRule, not_kept, too_old};
-use crate::store::metadata::{INSERTED, UPDATED, info_path};
+use crate::store::metadata::{INFO, INSERTED, UPDATED, info_path};
 use crate::store::{Change, ChangeKind, Changes, Documents, Find, Namespace, Next, Store as _, StoreError};
 
-/// The collection of entries: `{_id, ns, operation, document, computed, time, before, after, by, run}`.
+/// The collection of entries: `{_id, ns, operation, document, computed, time, before, after, dates, by, run}`.
 const ENTRIES: &str = "rmem.history";
 /// The collection that says since when the history of a collection is whole: `{_id, since}`.
 const BEGINNINGS: &str = "rmem.histories";
@@ -37,27 +41,33 @@ const QUIET_TIME: Duration = Duration::from_millis(300);
 const LARGEST_IMAGES: usize = 15 << 20;
 /// So many changes are written at once.
 const BATCH: usize = 200;
+/// About so many bytes of documents with their dates.
+const BATCH_BYTES: usize = 8 << 20;
+/// Of so many documents it is known which entry is the last one.
+const MOST_KNOWN: usize = 100_000;
 
 /// Which changes a write made, as a filter on entries, and how many.
 pub(super) struct Made {
-    pub(super) count: u64,
-    pub(super) filter: Document,
+    count: u64,
+    filter: Document,
+    /// Whether the filter tells them from all later changes.
+    is_exact: bool,
 }
 
 impl Made {
     /// What was stored under these `_id`s.
     pub(super) fn inserts(ids: &[Bson]) -> Self {
         let filter = doc! { "operation": "insert", "document": { "$in": ids } };
-        Self { count: ids.len() as u64, filter }
+        Self { count: ids.len() as u64, filter, is_exact: true }
     }
 
     /// What has this date in its metadata.
     pub(super) fn dated(count: u64, at: Option<DateTime>) -> Self {
         let filter = at.map_or_else(Document::new, |at| {
-            let dated = |key: &str| doc! { format!("after.{}", info_path(key)): at };
-            doc! { "$or": [dated(UPDATED), dated(INSERTED)] }
+            let paths = [UPDATED, INSERTED].map(|key| [format!("after.{}", info_path(key)), format!("dates.{key}")]);
+            doc! { "$or": paths.concat().into_iter().map(|path| doc! { path: at }).collect::<Vec<_>>() }
         });
-        Self { count, filter }
+        Self { count, filter, is_exact: at.is_some() }
     }
 
     /// What was removed: the documents with these `_id`s, where they are known.
@@ -66,7 +76,49 @@ impl Made {
         if !ids.is_empty() {
             filter.insert("document", doc! { "$in": ids });
         }
-        Self { count, filter }
+        Self { count, filter, is_exact: !ids.is_empty() }
+    }
+}
+
+/// What is to be written into the history.
+#[derive(Default)]
+struct Batch {
+    entries: Vec<Document>,
+    /// Statements that add the date of a change to its entry.
+    dates: Vec<Document>,
+    bytes: usize,
+    /// The last entry of each document, where it was recorded a moment ago.
+    last: HashMap<Vec<u8>, String>,
+}
+
+impl Batch {
+    fn add(&mut self, ns: &Namespace, change: &Change) -> Result<(), QueryError> {
+        self.entries.push(entry(ns, change)?);
+        if let Some(id) = &change.id {
+            if self.last.len() >= MOST_KNOWN {
+                self.last.clear();
+            }
+            self.last.insert(key::encode_value(id), change.position.clone());
+        }
+        Ok(())
+    }
+
+    /// Adds the date of the change that an entry is about.
+    fn add_date(&mut self, entry: &str, dated: &RawDocument) -> Result<(), QueryError> {
+        let statement = |has_images: bool, set: Document| {
+            let is_there = doc! { "$exists": has_images };
+            doc! { "q": { "_id": entry, "after": is_there }, "u": { "$set": set } }
+        };
+        if has_id(dated) {
+            self.bytes += dated.as_bytes().len();
+            self.dates.push(statement(true, doc! { "after": Document::try_from(dated)? }));
+        }
+        self.dates.push(statement(false, doc! { "dates": dates(dated) }));
+        Ok(())
+    }
+
+    fn is_full(&self) -> bool {
+        self.entries.len() + self.dates.len() >= BATCH || self.bytes >= BATCH_BYTES
     }
 }
 
@@ -81,6 +133,11 @@ impl MongoDb {
 
     pub(super) fn set_author(&self, author: &str) {
         self.keeping().sign(author);
+    }
+
+    /// Why the last write is not in the history, where nobody was told.
+    pub(super) fn take_unrecorded(&self) -> Option<String> {
+        self.keeping().unrecorded.take()
     }
 
     /// The time of a change. Where the history is kept, changes are known by it as this process's: no two have the same.
@@ -121,12 +178,45 @@ impl MongoDb {
         let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
         self.begin(ns)?;
         let start = self.server_time()?;
+        let mut owed = Owed::take(&self.address, ns);
         self.keeping().is_recording = true;
         let done = work();
         self.keeping().is_recording = false;
-        let is_recorded = self.record_own(ns, &rule, &made(done.as_ref()), start);
-        // Of two failures, that of the write is the first.
-        done.and_then(|done| is_recorded.map(|()| done))
+        let made = made(done.as_ref());
+        let may_be_made = matches!(done, Err(StoreError::Unreachable { may_be_done: true, .. }));
+        if made.count > 0 || may_be_made {
+            owed.push(self.signature(ns, &made, start));
+        }
+        let recorded = self.record_own(ns, &rule, made.count, &mut owed);
+        // Those whose changes are not recorded yet.
+        Owed::keep(owed);
+        match (done, recorded) {
+            // What was done is recorded later: the next one who records goes on where this one ended.
+            (done, Ok(()) | Err(StoreError::Unreachable { .. })) => done,
+            (Ok(done), Err(error)) => self.tell_unrecorded(ns, &error).map(|()| done),
+            // Of two failures, that of the write is the first.
+            (done, Err(_)) => done,
+        }
+    }
+
+    /// Says that a write was done, and is not in the history: to those who ask for it behind the write, else as the error of
+    /// the write.
+    fn tell_unrecorded(&self, ns: &Namespace, error: &StoreError) -> Result<(), StoreError> {
+        let reason = format!("the change of {ns} was made, but could not be recorded in the history: {error}");
+        if !self.write_policy.is_postponed() {
+            return Err(StoreError::Unconfirmed { address: self.address.clone(), reason });
+        }
+        self.keeping().unrecorded = Some(reason);
+        Ok(())
+    }
+
+    /// How the changes of a write are signed that began at a time.
+    fn signature(&self, ns: &Namespace, made: &Made, start: DateTime) -> Owed {
+        let mut entries = made.filter.clone();
+        entries.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
+        let keeping = self.keeping();
+        let signature = doc! { "$set": { "by": &keeping.author, "run": keeping.run } };
+        Owed { address: self.address.clone(), namespace: ns.clone(), entries, signature, is_exact: made.is_exact }
     }
 
     /// Makes the watch of a collection, before the first change that it is to record.
@@ -136,7 +226,7 @@ impl MongoDb {
         }
         let name = name(ns);
         let is_known = self.names_in(&ns.database)?.contains(&name);
-        match self.follow(ns, Some(&name)) {
+        match self.follow_for_history(ns, &name) {
             // Another process records at this moment.
             Ok(_) | Err(StoreError::Held { .. }) => {}
             Err(error) => return Err(error),
@@ -165,53 +255,73 @@ impl MongoDb {
         Ok(hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()))
     }
 
-    /// Records the changes up to those of a write, and signs these.
-    fn record_own(&self, ns: &Namespace, rule: &HistoryRule, made: &Made, start: DateTime) -> Result<(), StoreError> {
-        if made.count == 0 {
-            return Ok(());
-        }
-        let (author, run) = {
-            let keeping = self.keeping();
-            (keeping.author.clone(), keeping.run)
-        };
-        let mut own = made.filter.clone();
-        own.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
-        let set = doc! { "$set": { "by": author, "run": run } };
-        let (mut progress, mut signed) = (Instant::now(), 0);
-        while signed < made.count && progress.elapsed() < OWN_TIMEOUT {
+    /// Records the changes up to those of a write, of which there are `count`, and signs these, the last of what is owed. What
+    /// is owed from before lies before them, so that nothing is owed then.
+    fn record_own(
+        &self,
+        ns: &Namespace,
+        rule: &HistoryRule,
+        count: u64,
+        owed: &mut Vec<Owed>,
+    ) -> Result<(), StoreError> {
+        let Some(own) = owed.last().filter(|_| count > 0) else { return Ok(()) };
+        let (mut progress, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
+        while signed < count && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, Duration::from_millis(50), made.count - signed)?;
+            let recorded = self.catch_up(ns, rule, &mut batch, Duration::from_millis(50), count - signed)?;
             if recorded == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
-            let updated = self.entries(ns).update_many(own.clone(), set.clone()).run();
-            let more = updated.map_err(|e| self.explain(&e))?.modified_count;
+            let more = self.sign_entries(ns, own)?;
             signed += more;
             if recorded + more > 0 {
                 progress = Instant::now();
             }
         }
+        if signed >= count {
+            owed.pop();
+            while let Some(before) = owed.last() {
+                self.sign_entries(ns, before)?;
+                owed.pop();
+            }
+        }
         Ok(())
     }
 
-    /// Records the changes that are there, at most so many; returns how many.
-    fn catch_up(&self, ns: &Namespace, rule: &HistoryRule, lull: Duration, most: u64) -> Result<u64, StoreError> {
-        let mut changes = match self.follow(ns, Some(&name(ns))) {
+    fn sign_entries(&self, ns: &Namespace, owed: &Owed) -> Result<u64, StoreError> {
+        let signed = self.entries(ns).update_many(owed.entries.clone(), owed.signature.clone()).run();
+        Ok(signed.map_err(|e| self.explain(&e))?.modified_count)
+    }
+
+    /// Records the changes that are there, and their dates, at most so many; returns how many.
+    fn catch_up(
+        &self,
+        ns: &Namespace,
+        rule: &HistoryRule,
+        batch: &mut Batch,
+        lull: Duration,
+        most: u64,
+    ) -> Result<u64, StoreError> {
+        let mut changes = match self.follow_for_history(ns, &name(ns)) {
             Ok(changes) => changes,
             Err(StoreError::Held { .. }) => return Ok(0),
             Err(error) => return Err(error),
         };
-        let (mut total, mut batch) = (0, Vec::new());
-        while total < most
-            && let Next::Change(change) = changes.next(lull)?
-        {
+        let mut total = 0;
+        while total < most {
+            match changes.next(lull)? {
+                Next::Change(change) => batch.add(ns, &change)?,
+                Next::Nothing | Next::Interrupted(_) => match changes.take_date() {
+                    Some(date) => self.date(ns, &date, batch)?,
+                    None => break,
+                },
+            }
             total += 1;
-            batch.push(entry(ns, &change)?);
-            if batch.len() >= BATCH {
-                self.keep(ns, &mut batch, &mut *changes)?;
+            if batch.is_full() {
+                self.keep(ns, batch, &mut changes)?;
             }
         }
-        self.keep(ns, &mut batch, &mut *changes)?;
+        self.keep(ns, batch, &mut changes)?;
         if total > 0 {
             self.bound(ns, rule)?;
         }
@@ -219,14 +329,37 @@ impl MongoDb {
     }
 
     /// Writes entries, and that they are written.
-    fn keep(&self, ns: &Namespace, batch: &mut Vec<Document>, changes: &mut dyn Changes) -> Result<(), StoreError> {
-        if !batch.is_empty() {
-            let kept = self.entries(ns).insert_many(batch.drain(..)).ordered(false).run();
+    fn keep(&self, ns: &Namespace, batch: &mut Batch, changes: &mut dyn Changes) -> Result<(), StoreError> {
+        if !batch.entries.is_empty() {
+            let kept = self.entries(ns).insert_many(batch.entries.drain(..)).ordered(false).run();
             // Another process may have recorded some already.
             kept.map(drop)
                 .or_else(|error| if failure::is_of_taken_keys(&error) { Ok(()) } else { Err(self.explain(&error)) })?;
         }
+        if !batch.dates.is_empty() {
+            let statements = std::mem::take(&mut batch.dates);
+            let dates = doc! { "update": ENTRIES, "updates": statements, "ordered": false };
+            self.client().database(&ns.database).run_command(dates).run().map_err(|e| self.explain(&e))?;
+            batch.bytes = 0;
+        }
         changes.done()
+    }
+
+    /// Adds the date of the last change of a document to the entry of that.
+    fn date(&self, ns: &Namespace, date: &Change, batch: &mut Batch) -> Result<(), StoreError> {
+        let (Some(id), Some(dated)) = (&date.id, &date.after) else { return Ok(()) };
+        let known = batch.last.get(&key::encode_value(id)).cloned();
+        let entry = match known {
+            Some(entry) => Some(entry),
+            None => {
+                let of_document = doc! { "ns": ns.to_string(), "document": { "$eq": id } };
+                let entries = self.entries(ns);
+                let last = entries.find_one(of_document).sort(doc! { "_id": -1 }).projection(doc! { "_id": 1 });
+                let last = last.run().map_err(|e| self.explain(&e))?;
+                last.and_then(|entry| entry.get_str("_id").ok().map(str::to_owned))
+            }
+        };
+        Ok(entry.map_or(Ok(()), |entry| batch.add_date(&entry, dated))?)
     }
 
     /// Lets go of entries that are too old or too many.
@@ -301,7 +434,7 @@ impl MongoDb {
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(since) = self.beginning(ns)? else { return Ok(None) };
         if let Some(rule) = self.rule(ns) {
-            self.catch_up(ns, &rule, QUIET_TIME, u64::MAX)?;
+            self.catch_up(ns, &rule, &mut Batch::default(), QUIET_TIME, u64::MAX)?;
         }
         // What was written a moment ago is a part of it; the other members may be behind the primary.
         let current = self.rule(ns).is_some();
@@ -358,16 +491,22 @@ impl MongoDb {
     ) -> Result<u64, StoreError> {
         let rule = self.rule(ns).ok_or_else(|| not_kept(ns, &[]))?;
         self.begin(ns)?;
-        let mut changes = self.follow(ns, Some(&name(ns)))?;
+        let mut changes = self.follow_for_history(ns, &name(ns))?;
         begun();
-        let (mut total, mut looked) = (0, Instant::now());
+        let (mut total, mut looked, mut batch) = (0, Instant::now(), Batch::default());
         while !stop.load(Ordering::Relaxed) {
             match changes.next(QUIET_TIME)? {
                 Next::Change(change) => {
                     total += 1;
-                    self.keep(ns, &mut vec![entry(ns, &change)?], &mut *changes)?;
+                    batch.add(ns, &change)?;
+                    self.keep(ns, &mut batch, &mut changes)?;
                 }
-                Next::Nothing => {}
+                Next::Nothing => {
+                    if let Some(date) = changes.take_date() {
+                        self.date(ns, &date, &mut batch)?;
+                        self.keep(ns, &mut batch, &mut changes)?;
+                    }
+                }
                 // The next call connects again.
                 Next::Interrupted(_) => std::thread::sleep(QUIET_TIME),
             }
@@ -410,7 +549,11 @@ fn entry(ns: &Namespace, change: &Change) -> Result<Document, QueryError> {
         entry.insert("computed", true);
     }
     let size = |image: &Option<RawDocumentBuf>| image.as_ref().map_or(0, |image| image.as_bytes().len());
-    if size(&change.before) + size(&change.after) <= LARGEST_IMAGES {
+    // Of what had no room in an event, the metadata is there.
+    let is_whole = change.after.as_deref().is_none_or(has_id);
+    if !is_whole || size(&change.before) + size(&change.after) > LARGEST_IMAGES {
+        entry.extend(change.after.as_deref().map(|after| ("dates".to_owned(), dates(after).into())));
+    } else {
         for (key, image) in [("before", &change.before), ("after", &change.after)] {
             if let Some(image) = image {
                 entry.insert(key, Document::try_from(&**image)?);
@@ -418,6 +561,17 @@ fn entry(ns: &Namespace, change: &Change) -> Result<Document, QueryError> {
         }
     }
     Ok(entry)
+}
+
+fn has_id(document: &RawDocument) -> bool {
+    matches!(document.get("_id"), Ok(Some(_)))
+}
+
+/// When a document was inserted and changed, as its metadata says.
+fn dates(document: &RawDocument) -> Document {
+    let Ok(info) = document.get_document(INFO) else { return Document::new() };
+    let date = |key: &str| info.get_datetime(key).ok().map(|date| (key.to_owned(), date.into()));
+    [INSERTED, UPDATED].into_iter().filter_map(date).collect()
 }
 
 /// An entry as it was written.

@@ -19,7 +19,6 @@ use std::collections::HashMap;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
 
-use super::MongoDb;
 use super::attempts::{any_of, check_going_on, choices};
 use super::dates::{add_field, inserted, path};
 use super::differing::differing;
@@ -28,6 +27,7 @@ use super::prediction::{Before, Prediction, compares, is_uncertain, predict};
 use super::single_step::{self, Meaning, Single};
 use super::statements::Statements;
 use super::unchanged::{as_read, dates, fits};
+use super::{MongoDb, failure};
 use crate::query::collation::during;
 use crate::query::{Collation, Filter, QueryError, check_upsert, constants, key};
 use crate::store::document::with_id_first;
@@ -181,20 +181,26 @@ impl MongoDb {
     }
 
     fn update_all(&self, work: &Work<'_>) -> Result<Updated, StoreError> {
+        let mut done = Updated::default();
+        match self.update_in_parts(work, &mut done) {
+            Ok(()) => Ok(done),
+            Err(error) => Err(error.after(done.modified)),
+        }
+    }
+
+    fn update_in_parts(&self, work: &Work<'_>, done: &mut Updated) -> Result<(), StoreError> {
         let Work { ns, request, .. } = *work;
         let each = makes_new_documents(&request.update);
         let most = match &request.modifiers.collation {
             Some(_) if compares(request) => CHUNK_WITH_COLLATION,
             _ => CHUNK,
         };
-        let mut done = Updated::default();
         let few = matching(request, request.filter.clone(), most as u64 + 1);
         if !each
             && let Some(all) =
                 self.read(ns, &few)?.filter(|all| all.len() <= most && chunks(&ids(all), most).len() <= 1)
         {
-            self.update_several(work, all, &mut done)?;
-            return Ok(done);
+            return self.update_several(work, all, done);
         }
         // All are looked up before the first is changed, so that none is met again where an index puts it elsewhere.
         let find = Find { projection: doc! { "_id": 1 }, ..matching(request, request.filter.clone(), 0) };
@@ -203,17 +209,17 @@ impl MongoDb {
         parts.reverse();
         while let Some(ids) = parts.pop() {
             check_going_on(done.modified)?;
-            let part = if each { None } else { self.part(work, ids).map_err(|e| e.after(done.modified))? };
+            let part = if each { None } else { self.part(work, ids)? };
             match part {
-                Some(before) => self.update_several(work, before, &mut done)?,
+                Some(before) => self.update_several(work, before, done)?,
                 None if !each && ids.len() > 1 => {
                     let (first, second) = ids.split_at(ids.len() / 2);
                     parts.extend([second, first]);
                 }
-                None => self.update_one_by_one(work, ids, &mut done)?,
+                None => self.update_one_by_one(work, ids, done)?,
             }
         }
-        Ok(done)
+        Ok(())
     }
 
     /// The matches; nothing where they have too many bytes.
@@ -512,12 +518,15 @@ impl MongoDb {
     ) -> Result<Updated, StoreError> {
         let ids = ids(before);
         let done = self.apply(ns, among(request, plain, before)?);
+        let is_made = done.is_ok();
+        let behind = |error| failure::behind_change(ns, is_made, error);
         let changed = match &done {
+            Err(StoreError::Unreachable { may_be_done: false, .. }) => return done,
             Ok(done) if done.modified == 0 => return Ok(done.clone()),
             Ok(done) if done.modified == ids.len() as u64 => ids,
             _ => {
                 let find = Find { filter: named::among(&ids, None), current: true, ..Find::default() };
-                changed(before, with_ids(self.find(ns, &find)?)?)
+                changed(before, self.find(ns, &find).and_then(with_ids).map_err(behind)?)
             }
         };
         let dates = dating(changed, at);
@@ -526,9 +535,10 @@ impl MongoDb {
         let waited = is_unconfirmed.then(|| self.without_majority());
         let store = waited.as_ref().unwrap_or(self);
         match store.apply(ns, dates.clone()) {
-            Err(StoreError::Unreachable { .. }) => store.apply(ns, dates)?,
-            applied => applied?,
-        };
+            Err(StoreError::Unreachable { .. }) => store.apply(ns, dates),
+            applied => applied,
+        }
+        .map_err(behind)?;
         done
     }
 }

@@ -370,7 +370,9 @@ impl MongoDb {
                 break;
             };
             let more = error.stored().len();
-            if !matches!(error, StoreError::Duplicate { .. }) || !make_room()? {
+            let has_room = matches!(error, StoreError::Duplicate { .. })
+                && make_room().map_err(|error| failure::behind(&ids[..stored + more], error))?;
+            if !has_room {
                 return Err(failure::behind(&ids[..stored], error));
             }
             stored += more;

@@ -3,7 +3,7 @@
 //! The driver gives no result of a write that is not confirmed, and MongoDB answers both. So the primary alone confirms
 //! each write, and then an update of nothing has the client's write concern: the server waits for all that was written
 //! before it. Where another member has become the primary meanwhile, what was written before may be lost, and is
-//! reported as not confirmed.
+//! reported as not confirmed. So is what could not be recorded in the history.
 
 use bson::{Document, doc};
 
@@ -15,6 +15,8 @@ use crate::store::{Namespace, StoreError, WriteConcern};
 const NOTHING: &str = "rmem.retries";
 /// The server's code for a write during which another member became the primary.
 const ELECTED: i32 = 11_602;
+/// The code for a write that is not in the history.
+const UNRECORDED: i32 = 96;
 /// The server's code for a member that is not reached.
 const UNREACHABLE: i32 = 6;
 
@@ -35,8 +37,9 @@ impl MongoDb {
         let postponed = self.write_policy.postpone();
         let has_written = work();
         drop(postponed);
+        let unrecorded = self.take_unrecorded().map(|reason| doc! { "code": UNRECORDED, "errmsg": reason });
         let mut needed = needed.into_iter().filter(|_| has_written);
-        Ok(needed.find_map(|concern| self.wait(ns, concern, member)))
+        Ok(needed.find_map(|concern| self.wait(ns, concern, member)).or(unrecorded))
     }
 
     /// What the server is.

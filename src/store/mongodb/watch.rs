@@ -8,6 +8,9 @@
 //! A drop, and a rename, end a stream of the server's; it is opened again behind them. The
 //! documents of a collection that was renamed to the watched one are read as they were
 //! at that time, and given as inserts.
+//!
+//! An event with the documents before and after has no room in an answer of the server where they have about 8 MB each: it is
+//! asked for again without them.
 
 use std::time::{Duration, Instant};
 
@@ -26,15 +29,34 @@ use crate::store::{Change, ChangeKind, Changes, Namespace, Next, StoreError};
 const MAX_AWAIT_TIME: Duration = Duration::from_millis(200);
 /// … and where the caller does not wait: several streams are asked in turn, or keys are waited for.
 const MIN_AWAIT_TIME: Duration = Duration::from_millis(10);
+/// A description of what an update changed that has so many bytes is left out of an event that is too large.
+const LARGE_DESCRIPTION: i32 = 1 << 20;
 
 type Event = ChangeStreamEvent<RawDocumentBuf>;
 
+/// How much the server is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Extent {
+    /// The next events, with the documents before and after.
+    Whole,
+    /// One of these at a time: some event is too large, and those before it are not.
+    Single,
+    /// One event without documents, but for their metadata.
+    Bare,
+}
+
 /// The changes of a collection.
-struct Stream<'a> {
+pub(super) struct Stream<'a> {
     store: &'a MongoDb,
     namespace: Namespace,
     position: Option<Position>,
     images: bool,
+    /// Whether it is for the history: that is told of the second step of an update, too, and has no document looked up that
+    /// may be newer than a change.
+    is_of_history: bool,
+    extent: Extent,
+    /// The second step of an update that was met last, for the history.
+    date: Option<Change>,
     /// Whether the collection may be another than the one that keeps images.
     renewed: bool,
     stream: Option<ChangeStream<Event>>,
@@ -57,6 +79,15 @@ struct Copy {
 
 impl MongoDb {
     pub(super) fn follow(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
+        Ok(Box::new(self.stream(ns, name, false)?))
+    }
+
+    /// The changes of a collection for its history, behind what was recorded by this name.
+    pub(super) fn follow_for_history(&self, ns: &Namespace, name: &str) -> Result<Stream<'_>, StoreError> {
+        self.stream(ns, Some(name), true)
+    }
+
+    fn stream(&self, ns: &Namespace, name: Option<&str>, is_of_history: bool) -> Result<Stream<'_>, StoreError> {
         if ns.collection == position::COLLECTION {
             let reason = format!("{ns} holds how far watches are, and cannot be watched itself");
             return Err(StoreError::Unfit { address: self.address.clone(), reason });
@@ -71,6 +102,9 @@ impl MongoDb {
             namespace: ns.clone(),
             position,
             images: server.images,
+            is_of_history,
+            extent: Extent::Whole,
+            date: None,
             renewed: false,
             stream: None,
             await_time: MAX_AWAIT_TIME,
@@ -82,10 +116,13 @@ impl MongoDb {
             // A watch that goes on has seen its collection: where it is missing now, it was dropped.
             self.keep_images(ns, stream.token.is_none())?;
         }
-        stream.open().map_err(|error| stream.explain(&error))?;
+        match stream.open() {
+            Err(error) if is_too_large(&error) => stream.extent = Extent::Single,
+            opened => opened.map_err(|error| stream.explain(&error))?,
+        }
         stream.given.clone_from(&stream.token);
         stream.done()?;
-        Ok(Box::new(stream))
+        Ok(stream)
     }
 }
 
@@ -102,6 +139,12 @@ impl Stream<'_> {
         };
         if let Some(token) = self.token.clone() {
             action = action.start_after(token);
+        }
+        if self.extent != Extent::Whole {
+            action = action.batch_size(1);
+        }
+        if self.extent == Extent::Bare {
+            action = action.pipeline(bare());
         }
         let stream = action.run()?;
         if self.token.is_none() {
@@ -120,6 +163,22 @@ impl Stream<'_> {
         }
     }
 
+    /// Asks for less of the events that come, where that can be.
+    fn ask_for_less(&mut self) -> bool {
+        self.extent = match self.extent {
+            Extent::Whole => Extent::Single,
+            Extent::Single => Extent::Bare,
+            Extent::Bare => return false,
+        };
+        self.stream = None;
+        true
+    }
+
+    /// The second step of an update, where that was what came: the document with its date.
+    pub(super) fn take_date(&mut self) -> Option<Change> {
+        self.date.take()
+    }
+
     /// One look at the stream: an event, or nothing for now.
     fn look(&mut self) -> mongodb::error::Result<Option<Event>> {
         if self.stream.is_none() {
@@ -134,16 +193,24 @@ impl Stream<'_> {
                 if !stream.is_alive() {
                     self.stream = None;
                 }
+                if self.extent == Extent::Single {
+                    (self.extent, self.stream) = (Extent::Whole, None);
+                }
             }
         }
         Ok(event)
     }
 
     /// The change that an event of the server is, for a watcher.
-    fn understand(&mut self, event: Event) -> Result<Option<Change>, StoreError> {
+    fn understand(&mut self, mut event: Event) -> Result<Option<Change>, StoreError> {
+        let is_date = event.operation_type == OperationType::Update && is_metadata(event.update_description.as_ref());
+        let is_bare = self.extent == Extent::Bare;
+        if is_bare && !self.is_of_history {
+            event.full_document = None;
+        }
         let kind = match &event.operation_type {
             OperationType::Insert => ChangeKind::Insert,
-            OperationType::Update if is_metadata(event.update_description.as_ref()) => return Ok(None),
+            OperationType::Update if is_date && !self.is_of_history => return Ok(None),
             OperationType::Update => ChangeKind::Update,
             OperationType::Replace => ChangeKind::Replace,
             OperationType::Delete => ChangeKind::Delete,
@@ -167,8 +234,13 @@ impl Stream<'_> {
             self.store.keep_images(&self.namespace, false)?;
         }
         let id = event.document_key.as_ref().and_then(|key| key.get("_id")).cloned();
+        let looks_up = match kind {
+            ChangeKind::Update => !is_bare || !self.is_of_history,
+            ChangeKind::Insert | ChangeKind::Replace => is_bare && !self.is_of_history,
+            _ => false,
+        };
         let after = match (kind, event.full_document, &id) {
-            (ChangeKind::Update, None, Some(id)) => match self.look_up(id)? {
+            (_, None, Some(id)) if looks_up => match self.look_up(id)? {
                 // The document was removed meanwhile; that is the next event.
                 None => return Ok(None),
                 found => found,
@@ -176,7 +248,12 @@ impl Stream<'_> {
             (ChangeKind::Delete | ChangeKind::Drop, ..) => None,
             (_, after, _) => after,
         };
-        Ok(Some(Change { kind, id, before: event.full_document_before_change, after, time, position }))
+        let change = Change { kind, id, before: event.full_document_before_change, after, time, position };
+        if is_date {
+            self.date = Some(change);
+            return Ok(None);
+        }
+        Ok(Some(change))
     }
 
     fn is_target(&self, event: &Event) -> bool {
@@ -257,13 +334,16 @@ impl Stream<'_> {
         if let Some(change) = self.copied()? {
             return Ok(Step::Change(change));
         }
-        let event = match self.look() {
-            Ok(event) => event,
-            Err(error) if failure::is_passing(&error) => {
-                self.stream = None;
-                return Ok(Step::Lost(self.store.explain(&error)));
+        let event = loop {
+            match self.look() {
+                Ok(event) => break event,
+                Err(error) if is_too_large(&error) && self.ask_for_less() => {}
+                Err(error) if failure::is_passing(&error) => {
+                    self.stream = None;
+                    return Ok(Step::Lost(self.store.explain(&error)));
+                }
+                Err(error) => return Err(self.explain(&error)),
             }
-            Err(error) => return Err(self.explain(&error)),
         };
         let Some(event) = event else {
             self.given.clone_from(&self.token);
@@ -272,6 +352,9 @@ impl Stream<'_> {
         let before = self.given.clone();
         match self.understand(event) {
             Ok(change) => {
+                if self.extent == Extent::Bare {
+                    (self.extent, self.stream) = (Extent::Whole, None);
+                }
                 if self.copy.is_none() {
                     self.given.clone_from(&self.token);
                 }
@@ -306,6 +389,7 @@ impl Changes for Stream<'_> {
             match self.step()? {
                 Step::Change(change) => return Ok(Next::Change(Box::new(change))),
                 Step::Lost(error) => return Ok(Next::Interrupted(error)),
+                Step::Passed if self.date.is_some() => return Ok(Next::Nothing),
                 Step::Nothing | Step::Passed if start.elapsed() >= timeout => return Ok(Next::Nothing),
                 Step::Nothing | Step::Passed => {}
             }
@@ -336,6 +420,26 @@ impl Drop for Stream<'_> {
             position.release();
         }
     }
+}
+
+/// Whether an event has no room in an answer of the server.
+fn is_too_large(error: &mongodb::error::Error) -> bool {
+    failure::code(error) == Some(failure::TOO_LARGE)
+}
+
+/// The stages that leave documents out of an event, but for their metadata, and what an update changed where that is large.
+fn bare() -> [Document; 2] {
+    let info = format!("$fullDocument.{INFO}");
+    let is_there = doc! { "$eq": [{ "$type": "$fullDocument" }, "object"] };
+    let is_small = doc! { "$lt": [{ "$bsonSize": "$updateDescription" }, LARGE_DESCRIPTION] };
+    let only = |condition: Document, value: Bson| doc! { "$cond": [condition, value, "$$REMOVE"] };
+    [
+        doc! { "$unset": "fullDocumentBeforeChange" },
+        doc! { "$set": {
+            "fullDocument": only(is_there, doc! { INFO: info }.into()),
+            "updateDescription": only(is_small, "$updateDescription".into()),
+        } },
+    ]
 }
 
 /// Whether an update changed nothing but when a document was stored or changed: the

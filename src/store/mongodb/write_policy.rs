@@ -71,10 +71,14 @@ impl WritePolicy {
 
     /// The write concern of a single write.
     pub(super) fn of_one(&self) -> options::WriteConcern {
-        match self.is_postponed.load(Ordering::Relaxed) {
+        match self.is_postponed() {
             true => options::WriteConcern::builder().w(options::Acknowledgment::Nodes(1)).build(),
             false => self.least.clone(),
         }
+    }
+
+    pub(super) fn is_postponed(&self) -> bool {
+        self.is_postponed.load(Ordering::Relaxed)
     }
 
     pub(super) fn postpone(&self) -> Postponed<'_> {

@@ -582,7 +582,7 @@ fn repeated(mongod: &str) -> Result<(), Failed> {
 }
 
 /// Runs `rmem` in a folder, with the server at a URI as its memory; gives what it says.
-fn rmem(folder: &Path, mongod: &str, arguments: &[&str]) -> Result<String, Failed> {
+pub(super) fn rmem(folder: &Path, mongod: &str, arguments: &[&str]) -> Result<String, Failed> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rmem"));
     let output = command.current_dir(folder).args(["--memory", mongod]).args(arguments).output()?;
     Ok(String::from_utf8([output.stdout, output.stderr].concat())?)

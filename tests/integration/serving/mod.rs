@@ -12,6 +12,7 @@ mod kills;
 mod login;
 mod messages;
 mod operations;
+mod outages;
 mod process;
 mod retries;
 mod snapshots;
@@ -32,6 +33,7 @@ use mongodb::sync::Client;
 pub(crate) use elections::KILLERS;
 pub(crate) use failures::full_disk;
 pub(crate) use front::CASES as IN_FRONT;
+pub(crate) use outages::KILLERS as OUTAGES;
 pub(crate) use suites::stop;
 
 /// How long what has to come may take.
