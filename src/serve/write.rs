@@ -45,11 +45,14 @@ pub(super) fn step(
     }
     let mut noted = None;
     let answer = attempt(memory, ns, |memory| {
+        let store = memory.bare(ns)?;
+        // Those of the writes that are made durable with this one.
+        let before = store.noted_changes()?;
         let answer = panic::caught(|| work(memory));
         if is_kept(&answer) {
             repeatable.iter().try_for_each(|write| retry::keep(memory, ns, write))?;
-            let store = memory.bare(ns)?;
-            noted = time_of(server, store, store.noted_changes()?)?;
+            let own = |noted: &NotedChanges| before.is_none_or(|before| before.last < noted.last);
+            noted = time_of(server, store, store.noted_changes()?.filter(own))?;
         }
         answer
     });

@@ -95,7 +95,7 @@ impl MongoDb {
         let answer = self.write_one(ns, (cstr!("update"), cstr!("updates")), statement, modifiers)?;
         let upserted =
             answer.get_array("upserted").ok().and_then(|all| all.first()?.as_document()?.get("_id").cloned());
-        let matched = count(&answer, "n") - u64::from(upserted.is_some());
+        let matched = count(&answer, "n").saturating_sub(u64::from(upserted.is_some()));
         Ok((Updated { matched, modified: count(&answer, "nModified"), upserted }, self.unconfirmed(ns, &answer)))
     }
 

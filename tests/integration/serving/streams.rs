@@ -24,6 +24,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_change_by_another_process_is_reported", received),
     ("a_stream_from_a_time_misses_nothing_or_says_so", since),
     ("a_stream_from_the_time_of_a_write_begins_with_it", inclusive),
+    ("times_of_many_writes_at_once_do_not_run_ahead_of_the_clock", punctual),
     ("the_events_of_a_transaction_have_one_time_and_name_it", joined),
     ("an_event_that_is_too_large_is_refused", large),
     ("computed_documents_and_metadata_are_no_changes", hidden),
@@ -39,6 +40,43 @@ fn next(stream: &mut Stream) -> Result<ChangeStreamEvent<Document>, Failed> {
         }
     }
     Err("no event came".into())
+}
+
+/// Writes of many clients are made durable together, some of which change nothing, or what no stream follows.
+fn punctual() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let things = served.client()?.database("a").collection::<Document>("things");
+    let _stream = things.watch().run()?;
+    let until = Instant::now() + Duration::from_secs(2);
+    let write = |client: i32| -> Result<u32, String> {
+        let mut wire = Wire::connect(served.address()).map_err(|error| format!("{error:?}"))?;
+        let mut last = 0;
+        for n in 0.. {
+            let (name, id) = (if client % 2 == 0 { "things" } else { "others" }, 1_000_000 * client + n);
+            let command = match (client + n) % 3 {
+                0 => doc! { "insert": name, "documents": [{ "_id": id }], "$db": "a" },
+                _ => {
+                    doc! { "update": name, "updates": [{ "q": { "_id": -1 }, "u": { "$set": { "n": 1 } } }], "$db": "a" }
+                }
+            };
+            let answer = wire.run(&command).map_err(|error| format!("{error:?}"))?;
+            last = answer.get_timestamp("operationTime").map_err(|error| error.to_string())?.time;
+            if Instant::now() > until {
+                break;
+            }
+        }
+        Ok(last)
+    };
+    let last = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..8).map(|client| scope.spawn(move || write(client))).collect();
+        let times = threads.into_iter().map(|thread| thread.join().expect("no panic"));
+        times.collect::<Result<Vec<_>, _>>()
+    })?;
+    let now = bson::DateTime::now().timestamp_millis() / 1000;
+    let latest = last.into_iter().max().map(i64::from);
+    assert!(latest.is_some_and(|latest| latest <= now + 1), "{latest:?} {now}");
+    Ok(())
 }
 
 fn reported() -> Result<(), Failed> {
