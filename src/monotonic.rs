@@ -12,6 +12,7 @@ pub(crate) fn now() -> DateTime {
 }
 
 /// From now on the time is no earlier than this.
+#[cfg(feature = "serve")]
 pub(crate) fn advance(time: DateTime) {
     later(&LAST, time);
 }
