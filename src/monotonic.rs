@@ -11,6 +11,12 @@ pub(crate) fn now() -> DateTime {
     later(&LAST, DateTime::now())
 }
 
+/// Whether the system's clock is behind the time.
+#[cfg(feature = "serve")]
+pub(crate) fn is_ahead() -> bool {
+    DateTime::now().timestamp_millis() < LAST.load(Ordering::Relaxed)
+}
+
 /// From now on the time is no earlier than this.
 #[cfg(feature = "serve")]
 pub(crate) fn advance(time: DateTime) {

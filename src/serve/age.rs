@@ -26,8 +26,8 @@ pub(super) struct Ages(Mutex<Seen>);
 struct Seen {
     date: DateTime,
     at: Instant,
-    /// Since when it is ahead of what has passed.
-    jumped: Option<Instant>,
+    /// Since when it is ahead of what has passed, and by how many milliseconds.
+    jumped: Option<(Instant, i64)>,
 }
 
 impl Ages {
@@ -47,9 +47,14 @@ impl Seen {
     fn look(&mut self, date: DateTime, at: Instant) -> DateTime {
         let passed = to_i64(at.saturating_duration_since(self.at).as_millis());
         let expected = self.date.timestamp_millis().saturating_add(passed);
-        let is_ahead = date.timestamp_millis() > expected.saturating_add(to_i64(LEAST_JUMP.as_millis()));
-        if is_ahead && at.saturating_duration_since(*self.jumped.get_or_insert(at)) < LONGEST {
-            return DateTime::from_millis(expected);
+        let (ahead, least) = (date.timestamp_millis().saturating_sub(expected), to_i64(LEAST_JUMP.as_millis()));
+        if ahead > least {
+            // What was dated between two jumps is not older than the second one either.
+            let (since, known) = self.jumped.filter(|(_, known)| ahead <= known + least).unwrap_or((at, ahead));
+            self.jumped = Some((since, known));
+            if at.saturating_duration_since(since) < LONGEST {
+                return DateTime::from_millis(expected);
+            }
         }
         *self = Self { date, at, jumped: None };
         date
@@ -73,12 +78,18 @@ mod tests {
         };
         assert_eq!(look(1, 60_000), 60_000);
         assert_eq!(look(2, 2 * hour), 120_000);
-        assert_eq!(look(61, 3 * hour), 61 * 60_000);
+        assert_eq!(look(61, 2 * hour + 59 * 60_000), 61 * 60_000);
         // Nothing from before the jump is kept any more.
-        assert_eq!(look(68, 3 * hour + 420_000), 3 * hour + 420_000);
-        assert_eq!(look(69, 3 * hour + 480_000), 3 * hour + 480_000);
+        assert_eq!(look(68, 3 * hour + 360_000), 3 * hour + 360_000);
+        assert_eq!(look(69, 3 * hour + 420_000), 3 * hour + 420_000);
+        // Two jumps: what was dated between them is no older than the second one.
+        let (minute, base) = (60_000, 3 * hour + 420_000);
+        assert_eq!(look(70, 6 * hour), base + minute);
+        assert_eq!(look(110, 9 * hour), base + 41 * minute);
+        assert_eq!(look(140, 9 * hour + 30 * minute), base + 71 * minute);
+        assert_eq!(look(176, 9 * hour + 66 * minute), 9 * hour + 66 * minute);
         // Set back, it makes nothing older either.
-        assert_eq!(look(70, 5), 5);
-        assert_eq!(look(71, 60_005), 60_005);
+        assert_eq!(look(177, 5), 5);
+        assert_eq!(look(178, 60_005), 60_005);
     }
 }

@@ -12,6 +12,7 @@ use super::server::Server;
 use super::session::{Finished, Once};
 use super::statements::Repeatable;
 use crate::memory::Memory;
+use crate::monotonic;
 use crate::store::{Namespace, NotedChanges, Store, StoreError};
 
 /// The time of what was written or read.
@@ -66,8 +67,8 @@ pub(super) fn step(
     answer.map(|reply| at(reply, time))
 }
 
-/// The time of the changes of the write that is being done. They are later than all that was told: where the clock was set
-/// back, or much was written of which nothing is kept, they are dated anew.
+/// The time of the changes of the write that is being done. Where the clock was set back, they are dated anew if a later time
+/// was told already.
 pub(super) fn time_of(
     server: &Server,
     store: &dyn Store,
@@ -75,7 +76,7 @@ pub(super) fn time_of(
 ) -> Result<Option<Timestamp>, StoreError> {
     let time = |noted: NotedChanges| clock::of(noted.time, noted.last);
     match noted.map(time) {
-        Some(told) if server.clock.has_told(told) => {
+        Some(told) if monotonic::is_ahead() && server.clock.has_told(told) => {
             server.clock.move_on();
             Ok(store.join_changes()?.map(time))
         }

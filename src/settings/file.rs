@@ -161,6 +161,10 @@ impl File {
                 .ok()
                 .filter(|namespace| namespace.database == *name)
                 .ok_or_else(|| (database.span(), format!("`{name}` is not a database name")))?;
+            if name == "config" {
+                let message = "`config` has what is kept of a file for `rmem serve`, and cannot be shared";
+                return Err((database.span(), message.to_owned()));
+            }
         }
         for name in self.most_documents.keys() {
             name.get_ref().parse::<Namespace>().map_err(|error| (name.span(), error.to_string()))?;

@@ -6,7 +6,7 @@ use super::definition::{Command, raw};
 use super::statistics;
 use crate::memory::Memory;
 use crate::query::Filter;
-use crate::serve::access::RECORDS;
+use crate::serve::access::{OF_FILES, RECORDS};
 use crate::serve::call::Call;
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::fields::whole;
@@ -62,7 +62,9 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     if call.request.database == "admin" {
         return Err(Failure::new(codes::ILLEGAL, "Dropping the 'admin' database is prohibited."));
     }
-    let all = memory.collections_of(&call.request.database)?;
+    let mut all = memory.collections_of(&call.request.database)?;
+    // What writes of all databases were answered stays.
+    all.retain(|ns| ns.database != OF_FILES || ns.collection != RECORDS);
     for ns in &all {
         call.access(memory).drop(ns)?;
     }

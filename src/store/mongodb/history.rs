@@ -35,6 +35,8 @@ const BEGINNINGS: &str = "rmem.histories";
 const CUT_RUNS: &str = "rmem.cut_runs";
 /// How long one waits for one's own changes while no more of them come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long one waits for them while only changes of others come.
+const OTHERS_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long no change may come until the history counts as read to its end.
 const QUIET_TIME: Duration = Duration::from_millis(300);
 /// Images of more bytes are left out: an entry is a document, which has at most 16 MiB.
@@ -43,6 +45,8 @@ const LARGEST_IMAGES: usize = 15 << 20;
 const BATCH: usize = 200;
 /// About so many bytes of documents with their dates.
 const BATCH_BYTES: usize = 8 << 20;
+/// So many changes of others are recorded at once while one waits for one's own, at most.
+const MOST_OF_OTHERS: u64 = 2_000;
 /// Of so many documents it is known which entry is the last one.
 const MOST_KNOWN: usize = 100_000;
 
@@ -122,6 +126,22 @@ impl Batch {
     }
 }
 
+/// While this lives, a write is being recorded; also where that panics, no longer.
+struct Recording<'a>(&'a MongoDb);
+
+impl<'a> Recording<'a> {
+    fn begin(store: &'a MongoDb) -> Self {
+        store.keeping().is_recording = true;
+        Self(store)
+    }
+}
+
+impl Drop for Recording<'_> {
+    fn drop(&mut self) {
+        self.0.keeping().is_recording = false;
+    }
+}
+
 impl MongoDb {
     fn keeping(&self) -> std::sync::MutexGuard<'_, super::keeping::Keeping> {
         self.keeping.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
@@ -179,9 +199,9 @@ impl MongoDb {
         self.begin(ns)?;
         let start = self.server_time()?;
         let mut owed = Owed::take(&self.address, ns);
-        self.keeping().is_recording = true;
+        let recording = Recording::begin(self);
         let done = work();
-        self.keeping().is_recording = false;
+        drop(recording);
         let made = made(done.as_ref());
         let may_be_made = matches!(done, Err(StoreError::Unreachable { may_be_done: true, .. }));
         if made.count > 0 || may_be_made {
@@ -265,16 +285,20 @@ impl MongoDb {
         owed: &mut Vec<Owed>,
     ) -> Result<(), StoreError> {
         let Some(own) = owed.last().filter(|_| count > 0) else { return Ok(()) };
-        let (mut progress, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
+        let (begun, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
+        let mut progress = begun;
+        // Where others write meanwhile, more and more is taken at once, so as to come by them.
+        let mut most = count;
         while signed < count && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, &mut batch, Duration::from_millis(50), count - signed)?;
+            let recorded = self.catch_up(ns, rule, &mut batch, Duration::from_millis(50), most)?;
             if recorded == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
+            most = most.max((most * 2).min(MOST_OF_OTHERS));
             let more = self.sign_entries(ns, own)?;
             signed += more;
-            if recorded + more > 0 {
+            if more > 0 || (recorded > 0 && begun.elapsed() < OTHERS_TIMEOUT) {
                 progress = Instant::now();
             }
         }
@@ -307,6 +331,8 @@ impl MongoDb {
             Err(StoreError::Held { .. }) => return Ok(0),
             Err(error) => return Err(error),
         };
+        // Others may have recorded later changes since.
+        batch.last.clear();
         let mut total = 0;
         while total < most {
             match changes.next(lull)? {
@@ -345,14 +371,15 @@ impl MongoDb {
         changes.done()
     }
 
-    /// Adds the date of the last change of a document to the entry of that.
+    /// Adds the date of the last change of a document before it to the entry of that.
     fn date(&self, ns: &Namespace, date: &Change, batch: &mut Batch) -> Result<(), StoreError> {
         let (Some(id), Some(dated)) = (&date.id, &date.after) else { return Ok(()) };
         let known = batch.last.get(&key::encode_value(id)).cloned();
         let entry = match known {
             Some(entry) => Some(entry),
             None => {
-                let of_document = doc! { "ns": ns.to_string(), "document": { "$eq": id } };
+                let before = doc! { "$lt": &date.position };
+                let of_document = doc! { "ns": ns.to_string(), "_id": before, "document": { "$eq": id } };
                 let entries = self.entries(ns);
                 let last = entries.find_one(of_document).sort(doc! { "_id": -1 }).projection(doc! { "_id": 1 });
                 let last = last.run().map_err(|e| self.explain(&e))?;

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
@@ -27,6 +28,9 @@ use crate::store::{
 
 /// How many removed documents are known by their `_id`s, at most.
 const MOST_KNOWN: usize = 10_000;
+
+/// A limit of time that is less is near.
+const NEAR: Duration = Duration::from_secs(10);
 
 impl Store for MongoDb {
     fn insert(&self, ns: &Namespace, documents: Vec<Document>) -> Result<Inserted, StoreError> {
@@ -449,7 +453,7 @@ impl MongoDb {
     }
 
     fn remove(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
-        if !first_only || deadline::left().is_some() {
+        if !first_only || has_near_limit() {
             return self.removed_by_command(ns, query, first_only);
         }
         let collection = self.collection(ns);
@@ -526,8 +530,8 @@ impl MongoDb {
         ns: &Namespace,
         request: UpdateRequest,
     ) -> Result<(Updated, Option<StoreError>), StoreError> {
-        // The driver knows of no limit of time, and sends no update of many again.
-        if request.many || deadline::left().is_some() {
+        // The driver sends no update of many again.
+        if request.many || has_near_limit() {
             return self.applied_by_command(ns, &request);
         }
         let UpdateRequest { filter, update, array_filters, upsert, modifiers, .. } = request;
@@ -571,4 +575,10 @@ struct Asked<'m> {
     filter: Document,
     upsert: bool,
     modifiers: &'m Modifiers,
+}
+
+/// Whether the operation has to end so soon that the server is told. The driver has no word for that, and a command of rmem's
+/// own is not sent again where a connection is lost: a limit of longer is that of a client that does not want to wait for ever.
+fn has_near_limit() -> bool {
+    deadline::left().is_some_and(|left| left < NEAR)
 }
