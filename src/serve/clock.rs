@@ -4,6 +4,7 @@
 //! times [`PER_CHANGE`]: between two changes others write of whose changes nothing is kept.
 
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use bson::{DateTime, Timestamp};
 
@@ -20,6 +21,8 @@ pub(super) struct Clock {
     last: AtomicU64,
     /// When a client wrote last.
     written: AtomicU64,
+    /// When each write began that is not durable yet.
+    writing: Mutex<Vec<u64>>,
 }
 
 impl Clock {
@@ -27,6 +30,22 @@ impl Clock {
     pub(super) fn now(&self) -> Timestamp {
         let now = packed(of(monotonic::now(), 0));
         unpacked(self.last.fetch_max(now, Ordering::Relaxed).max(now))
+    }
+
+    /// The time up to which all changes can be read: a change that becomes durable from now on has no earlier one.
+    /// Those of other processes may.
+    pub(super) fn settled(&self) -> Timestamp {
+        let now = packed(self.now());
+        let writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        unpacked(writing.iter().copied().min().map_or(now, |began| began.min(now)))
+    }
+
+    /// Notes that a write begins, until its changes are durable.
+    pub(super) fn begin_write(&self) -> Writing<'_> {
+        let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let began = packed(self.now());
+        writing.push(began);
+        Writing { clock: self, began }
     }
 
     /// The time, later than all that were given.
@@ -66,6 +85,22 @@ impl Clock {
     /// When a client wrote last; none where none has.
     pub(super) fn written(&self) -> Option<Timestamp> {
         Some(self.written.load(Ordering::Relaxed)).filter(|time| *time > 0).map(unpacked)
+    }
+}
+
+/// A write whose changes may not be durable yet.
+#[must_use]
+pub(super) struct Writing<'a> {
+    clock: &'a Clock,
+    began: u64,
+}
+
+impl Drop for Writing<'_> {
+    fn drop(&mut self) {
+        let mut writing = self.clock.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(index) = writing.iter().position(|began| *began == self.began) {
+            writing.swap_remove(index);
+        }
     }
 }
 
@@ -120,6 +155,22 @@ mod tests {
             assert!(time > told && !clock.has_told(time), "{number}");
             assert_eq!((clock.wrote(Some(time)), clock.now() >= time), (time, true));
         }
+    }
+
+    #[test]
+    fn what_is_being_written_is_not_earlier_than_what_is_settled() {
+        let clock = Clock::default();
+        let (told, first) = (clock.settled(), clock.begin_write());
+        let change = of(monotonic::now(), 1);
+        let (tick, second) = (clock.tick(), clock.begin_write());
+        let settled = clock.settled();
+        assert!(told <= settled && settled < change && settled < tick, "{told} {settled} {change} {tick}");
+        drop(first);
+        assert!(clock.settled() >= tick);
+        let later = clock.tick();
+        assert!(clock.settled() < later);
+        drop(second);
+        assert!(clock.settled() >= later);
     }
 
     #[test]

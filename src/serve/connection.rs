@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use bson::raw::cstr;
-use bson::{Binary, RawDocumentBuf, rawdoc};
+use bson::{Binary, RawDocumentBuf, Timestamp, rawdoc};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::busy_poll::Pace;
@@ -203,12 +203,14 @@ impl Connection {
             self.client.host = format!("{name}:{port}");
         }
         let client = &mut self.client;
+        // A change stream from the time of what is read misses no change that is not seen here.
+        let began = host.server.clock.settled();
         let answer = panic::caught(|| {
             let body = message.command.map_err(Failure::from)?;
             command::run(host, client, body, form)
         });
         let goes_on = !matches!(&answer, Err(failure) if failure.code == codes::INTERNAL);
-        (finished(&host.server, answer, form), goes_on)
+        (finished(&host.server, answer, began, form), goes_on)
     }
 }
 
@@ -220,8 +222,8 @@ static SIGNATURE: LazyLock<RawDocumentBuf> = LazyLock::new(|| {
     }
 });
 
-/// The answer with what every one ends with.
-fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
+/// The answer with what every one ends with; `began` is when its command did.
+fn finished(server: &Server, answer: Answer, began: Timestamp, form: Form) -> RawDocumentBuf {
     let mut reply = match answer {
         Ok(mut reply) => {
             reply.append(cstr!("ok"), 1.0);
@@ -234,13 +236,12 @@ fn finished(server: &Server, answer: Answer, form: Form) -> RawDocumentBuf {
     };
     if form == Form::Msg {
         let is_dated = matches!(reply.get(OPERATION_TIME), Ok(Some(_)));
-        let now = server.clock.now();
         let mut time = RawDocumentBuf::new();
-        time.append(cstr!("clusterTime"), now);
+        time.append(cstr!("clusterTime"), server.clock.now());
         time.append(cstr!("signature"), &**SIGNATURE);
         reply.append(cstr!("$clusterTime"), time);
         if !is_dated {
-            reply.append(OPERATION_TIME, now);
+            reply.append(OPERATION_TIME, began);
         }
     }
     reply

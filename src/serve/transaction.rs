@@ -115,7 +115,7 @@ impl Open {
     fn live(self, context: &mut WriterContext<'_>, ns: Namespace, first: First) {
         context.server.sessions.set_open(Some(self.once.clone()));
         let memory = context.memory.get();
-        let (mut first, mut end, mut time) = (Some(first), None, None);
+        let (mut first, mut end, mut time, mut writing) = (Some(first), None, None, None);
         let kept = memory.and_then(|memory| {
             let work = &mut || {
                 let Some(first) = first.take() else { return Ok(()) };
@@ -125,6 +125,8 @@ impl Open {
                     _ => None,
                 };
                 end = Some(ended);
+                // From here on its changes have their time.
+                writing = Some(context.server.clock.begin_write());
                 time = self.note(context.server, memory, &ns, committer.ok_or_else(|| undone(memory))?)?;
                 Ok(())
             };
@@ -136,6 +138,7 @@ impl Open {
             _ if kept.is_ok() => How::Committed,
             _ => How::Aborted,
         };
+        drop(writing);
         let failure = kept.err();
         let time = context.server.clock.wrote(time);
         let finished = Finished { number: self.once.number, how, at: Instant::now() };
@@ -169,8 +172,8 @@ impl Open {
         let kept = retry::keep_committed(memory, &self.once);
         kept.map_err(|failure| StoreError::Failed { address: memory.describe(), reason: failure.message })?;
         let store = memory.bare(ns)?;
-        let time = write::time_of(server, store, store.join_changes()?)?;
-        let Some(noted) = store.noted_changes()? else { return Ok(None) };
+        let Some(noted) = store.join_changes()? else { return Ok(None) };
+        let time = write::time_of(server, store, Some(noted))?;
         let mut lsid = self.once.session.to_document();
         lsid.insert("uid", Binary { subtype: BinarySubtype::Generic, bytes: committer.to_vec() });
         Joined::new(noted, lsid, self.once.number).keep(memory, &ns.database)?;

@@ -27,6 +27,7 @@ pub(super) fn alone(
     work: impl FnOnce(&Memory) -> Answer,
 ) -> Answer {
     server.check_files()?;
+    let _writing = server.clock.begin_write();
     let answer = step(server, memory, ns, repeatable, work);
     server.check_files()?;
     server.hub.call();

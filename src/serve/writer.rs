@@ -94,6 +94,7 @@ impl WriterContext<'_> {
         let (ns, since) = (first.ns.clone(), Instant::now());
         let mut answers: Vec<(Reply, Answer)> = Vec::new();
         let mut next = Some(first);
+        let writing = self.server.clock.begin_write();
         let done = self.memory.get().and_then(|memory| {
             let is_shared = memory.is_shared(&ns);
             let work = &mut || {
@@ -114,6 +115,7 @@ impl WriterContext<'_> {
             // It could not even begin.
             answers.push((write.reply, Err(Failure::new(codes::FAILED, "nothing was written"))));
         }
+        drop(writing);
         for (reply, answer) in answers {
             reply.answer(done.clone().and(answer));
         }

@@ -1,6 +1,8 @@
 //! Change streams.
 
 use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::{Bson, Document, doc};
@@ -24,6 +26,7 @@ pub(super) const CASES: &[(&str, Case)] = &[
     ("a_change_by_another_process_is_reported", received),
     ("a_stream_from_a_time_misses_nothing_or_says_so", since),
     ("a_stream_from_the_time_of_a_write_begins_with_it", inclusive),
+    ("a_stream_from_the_time_of_a_read_misses_nothing_that_was_not_read", read_among_writes),
     ("times_of_many_writes_at_once_do_not_run_ahead_of_the_clock", punctual),
     ("the_events_of_a_transaction_have_one_time_and_name_it", joined),
     ("an_event_that_is_too_large_is_refused", large),
@@ -194,6 +197,43 @@ fn inclusive() -> Result<(), Failed> {
         assert_eq!(ids(events(&mut wire, from(behind))?), (id + 1..20).collect::<Vec<_>>());
     }
     Ok(())
+}
+
+/// What is read while a write is being made durable does not have it yet.
+fn read_among_writes() -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start(folder.path(), &[])?;
+    let mut wire = Wire::connect(served.address())?;
+    events(&mut wire, doc! {})?;
+    let address = served.address().to_owned();
+    let over = Arc::new(AtomicBool::new(false));
+    let ended = Arc::clone(&over);
+    let writer = std::thread::spawn(move || -> Result<(), String> {
+        let mut wire = Wire::connect(&address).map_err(|error| format!("{error:?}"))?;
+        for id in 0.. {
+            if ended.load(Ordering::Relaxed) {
+                break;
+            }
+            let insert = doc! { "insert": "c", "documents": [{ "_id": id }], "$db": "a" };
+            wire.run(&insert).map_err(|error| format!("{error:?}"))?;
+        }
+        Ok(())
+    });
+    let last = doc! { "find": "c", "sort": { "_id": -1 }, "limit": 1, "$db": "a" };
+    for round in 0..100 {
+        let read = wire.run(&last)?;
+        let found = read.get_document("cursor")?.get_array("firstBatch")?;
+        let last = found.first().and_then(Bson::as_document).map_or(-1, |found| found.get_i32("_id").unwrap_or(-1));
+        let time = read.get_timestamp("operationTime")?;
+        // The next write comes while the stream waits.
+        let mut received = Vec::new();
+        while received.is_empty() {
+            received = events(&mut wire, doc! { "startAtOperationTime": time })?;
+        }
+        assert!(received[0].0 <= last + 1, "{round}: behind {last}, the first was {}", received[0].0);
+    }
+    over.store(true, Ordering::Relaxed);
+    Ok(writer.join().map_err(|_| "it panicked")??)
 }
 
 fn joined() -> Result<(), Failed> {
