@@ -27,7 +27,8 @@ pub(super) fn records(memory: &Memory, database: &str) -> Namespace {
     in_database(database)
 }
 
-fn in_database(database: &str) -> Namespace {
+/// That collection in a database.
+pub(super) fn in_database(database: &str) -> Namespace {
     Namespace { database: database.to_owned(), collection: RECORDS.to_owned() }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A file that is moved or removed while it is open is written to all the same, and whoever opens its name next finds
 //! another one, or none. So each write looks at the name before it is acknowledged, and at that of its write-ahead log, which
-//! nobody reads either once it is removed.
+//! is not read either once it is removed.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -63,21 +63,18 @@ impl Served {
     }
 
     fn has_moved(&mut self) -> bool {
-        match FileIdentity::at(&self.path) {
-            Ok(found) => *self.identity.get_or_insert(found) != found,
-            Err(error) if is_missing(&error) => self.identity.is_some(),
+        match named(&self.path) {
+            Ok(Some(found)) => *self.identity.get_or_insert(found) != found,
+            Ok(None) => self.identity.is_some(),
             // A file system that does not answer says nothing about the file.
             Err(_) => false,
         }
     }
 
-    /// The log goes when nobody has the file open any more, and is made again. While this process writes to it, it has its name.
+    /// The log is removed when the last process closes the file, and made again with the next one. While this process writes to it,
+    /// it has its name.
     fn has_lost_log(&mut self) -> bool {
-        let found = match FileIdentity::at(&self.log) {
-            Ok(found) => Some(found),
-            Err(error) if is_missing(&error) => None,
-            Err(_) => return false,
-        };
+        let Ok(found) = named(&self.log) else { return false };
         if found == self.log_identity {
             return false;
         }
@@ -96,8 +93,12 @@ fn log_of(path: &Path) -> PathBuf {
     name.into()
 }
 
-fn is_missing(error: &std::io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
+/// The file that a path names at the moment, if there is one.
+fn named(path: &Path) -> std::io::Result<Option<FileIdentity>> {
+    match FileIdentity::at(path) {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
+        found => found.map(Some),
+    }
 }
 
 /// Whether this process has a file open.

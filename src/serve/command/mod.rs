@@ -34,7 +34,7 @@ use std::time::Instant;
 use bson::raw::cstr;
 use bson::{Bson, Document, doc, rawdoc};
 
-use super::access::RECORDS;
+use super::access::in_database;
 use super::attempt::attempt;
 use super::call::Call;
 use super::client::Client;
@@ -263,7 +263,7 @@ fn write(host: &mut Host<'_>, run: fn(&Memory, &Call) -> Answer, mut call: Call)
 
 /// A collection of the database that a command is about: it says which store.
 fn home(request: &Request) -> Namespace {
-    Namespace { database: request.database.clone(), collection: RECORDS.to_owned() }
+    in_database(&request.database)
 }
 
 /// Sends a command to its transaction.

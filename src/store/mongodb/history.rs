@@ -155,7 +155,7 @@ impl MongoDb {
         self.keeping().sign(author);
     }
 
-    /// Why the last write is not in the history, where nobody was told.
+    /// Why the last write is not in the history, where that was not told yet.
     pub(super) fn take_unrecorded(&self) -> Option<String> {
         self.keeping().unrecorded.take()
     }
