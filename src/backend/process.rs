@@ -61,6 +61,7 @@ pub fn up(backend: &Backend) -> Result<Running, BackendError> {
         return Ok(running);
     }
     start(backend, &data)?;
+    await_answer(backend);
     match look(backend, &data)? {
         Some(running) => {
             let pid = running.pid.map(|pid| pid.to_string()).unwrap_or_default();
@@ -143,6 +144,18 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
     let pid = admin.pid().map_err(|error| answered(backend, error))?;
     let ours = started.log.is_some_and(|log| log == log_of(backend, data));
     Ok(Some(Running { pid, started: false, ours }))
+}
+
+/// Waits until a process that listens answers: on a busy machine that takes longer than it takes one that has run for a while.
+fn await_answer(backend: &Backend) {
+    let (address, since) = (backend.address(), Instant::now());
+    let is_silent = || {
+        let started = Admin::at(&address, ANSWER_TIMEOUT).and_then(|admin| admin.started());
+        matches!(started, Err(AdminError::Silent(_)))
+    };
+    while is_taken(&address) && is_silent() && since.elapsed() < backend.start_timeout {
+        std::thread::sleep(POLL_INTERVAL);
+    }
 }
 
 /// Whether something listens.

@@ -48,7 +48,10 @@ fn main() -> ExitCode {
     if let Some(code) = processes::child() {
         return code;
     }
-    let arguments = Arguments::from_args();
+    let mut arguments = Arguments::from_args();
+    // They wait for other processes for half of their time.
+    let threads = std::thread::available_parallelism().map_or(2, |processors| 2 * processors.get());
+    arguments.test_threads.get_or_insert(threads);
     let mut trials = contract::embedded();
     trials.extend(processes::trials());
     trials.extend(crashes::trials());

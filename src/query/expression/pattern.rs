@@ -85,9 +85,11 @@ fn find(arguments: &Arguments) -> Result<Value> {
 
 /// Bytes of memory of a match with its fields.
 const MATCH: usize = 768;
+/// From so many matches on there may be many more.
+const MANY: usize = 32;
 
 fn find_all(arguments: &Arguments) -> Result<Value> {
-    let Some((text, pattern)) = prepared(arguments)? else { return Ok(Some(Bson::Array(Vec::new()))) };
+    let Some((text, mut pattern)) = prepared(arguments)? else { return Ok(Some(Bson::Array(Vec::new()))) };
     let (mut all, mut from, mut counted, mut points) = (Vec::new(), 0, 0, 0);
     while from < text.len() || all.is_empty() && from == 0 {
         let Some(groups) = pattern.groups(text, from)? else { break };
@@ -96,6 +98,9 @@ fn find_all(arguments: &Arguments) -> Result<Value> {
         points += text.get(counted..start).map_or(0, |between| between.chars().count());
         counted = start;
         all.push(shown(text, &groups, points));
+        if all.len() == MANY {
+            pattern = pattern.repeated();
+        }
         from = if end > start {
             end
         } else {
