@@ -87,6 +87,16 @@ fn repair_copies_what_is_left_of_a_file_without_its_end() {
 }
 
 #[test]
+fn repair_copies_the_collections_whose_names_can_be_read() {
+    let lab = lab();
+    lab.rmem(&["insert", "a.lost", "{_id: 1}"]).success();
+    sql(&lab, "robot.rmem", "UPDATE collections SET name = CAST(x'ff' AS TEXT) WHERE name = 'lost'");
+    let repaired = lab.rmem(&["repair", "-o", "saved.rmem"]).exits(1).stdout;
+    assert_eq!(repaired, "1 collection, 3 documents, 1 index\nlost: a collection: its name cannot be read\n");
+    assert_eq!(lab.rmem(&["--memory", "file:saved.rmem", "count", "a.b"]).success(), "3\n");
+}
+
+#[test]
 fn repair_reads_around_damaged_pages() {
     let lab = Lab::empty().env("RMEM_MEMORY", "file:robot.rmem");
     let lines: String = (0..2_000).map(|n| format!("{{_id: {n}, pad: '{}'}}\n", "x".repeat(200))).collect();

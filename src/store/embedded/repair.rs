@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use rusqlite::{Connection, OptionalExtension as _, params};
+use rusqlite::{Connection, OptionalExtension as _, Row, params};
 
 use super::catalog::Collection;
 use super::damage::Damage;
@@ -140,11 +140,12 @@ impl Embedded {
         let place = Place::File(from.to_owned());
         let new = NewFile::beside(to)?;
         let source = file::to_salvage(from)?;
+        let mut done = Repaired::default();
         // An empty file is a memory in which nothing was stored.
         let collections = match file::is_empty(from) {
             true => None,
-            false => Some(collections(&source).map_err(|error| {
-                match failure::is_gone(&error) || failure::is_no_database(&error) {
+            false => Some(collections(&source, &mut done.lost).map_err(|error| {
+                match failure::is_gone(&error) || failure::is_no_database(&error) || failure::is_damage(&error) {
                     true => file::foreign(&place),
                     false => failure::explain(&place, &error),
                 }
@@ -152,7 +153,6 @@ impl Embedded {
         };
         new.permit_as(from)?;
         let copied = Self::open(new.staged()).and_then(|target| {
-            let mut done = Repaired::default();
             if let Some(collections) = collections {
                 target.salvage_all(&source, collections, &mut done)?;
             }
@@ -342,11 +342,27 @@ impl Embedded {
     }
 }
 
-fn collections(source: &Connection) -> rusqlite::Result<Vec<(i64, Namespace)>> {
+/// The collections that are listed, and what of the list cannot be read.
+fn collections(source: &Connection, lost: &mut Vec<String>) -> rusqlite::Result<Vec<(i64, Namespace)>> {
     let mut statement = source.prepare("SELECT id, database, name FROM collections ORDER BY id")?;
-    let rows = statement
-        .query_map([], |row| Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? })))?;
-    rows.collect()
+    let (mut rows, mut listed) = (statement.query([])?, Vec::new());
+    let named = |row: &Row<'_>| -> rusqlite::Result<_> {
+        Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? }))
+    };
+    loop {
+        match rows.next() {
+            Ok(Some(row)) => match named(row) {
+                Ok(collection) => listed.push(collection),
+                Err(_) => lost.push("a collection: its name cannot be read".to_owned()),
+            },
+            Ok(None) => return Ok(listed),
+            Err(error) if listed.is_empty() => return Err(error),
+            Err(error) => {
+                lost.push(format!("more collections, perhaps: {error}"));
+                return Ok(listed);
+            }
+        }
+    }
 }
 
 /// The indexes of a collection, `None` for each that cannot be read.

@@ -139,7 +139,7 @@ impl MongoDb {
             let fits = match meaning {
                 Meaning::Whole => true,
                 Meaning::IfDifferent => is_plain(),
-                Meaning::IfTaken => is_plain() && self.notes_what_pipelines_change(),
+                Meaning::IfTaken => is_plain() && self.notes_what_pipelines_change()?,
             };
             if fits {
                 let change = Change { filter: single.filter, ..Change::asked(request, update, single.update) };

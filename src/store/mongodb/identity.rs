@@ -20,7 +20,7 @@ impl MongoDb {
         if let Some(known) = self.identities.get(ns) {
             return Ok((known, false));
         }
-        let identity = if self.takes_identities() { self.ask_for_identity(ns)? } else { Identity::Unknown };
+        let identity = if self.takes_identities()? { self.ask_for_identity(ns)? } else { Identity::Unknown };
         if !matches!(identity, Identity::Missing) {
             self.identities.learn(ns, identity.clone());
         }

@@ -32,23 +32,24 @@ impl MongoDb {
     }
 
     /// Whether the server notes which fields the pipeline of an update changes.
-    pub(super) fn notes_what_pipelines_change(&self) -> bool {
+    pub(super) fn notes_what_pipelines_change(&self) -> Result<bool, StoreError> {
         self.speaks(NOTING)
     }
 
     /// Whether the server takes with a write which collection it is for, as servers from version 6 on do.
-    pub(super) fn takes_identities(&self) -> bool {
+    pub(super) fn takes_identities(&self) -> Result<bool, StoreError> {
         self.speaks(WIRE_VERSION)
     }
 
     /// Whether the server knows a version of the wire protocol. It is asked once.
-    fn speaks(&self, least: i32) -> bool {
-        let version = self.version.get().copied().or_else(|| {
-            let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run().ok()?;
-            let version = hello.get_i32("maxWireVersion").ok()?;
-            Some(*self.version.get_or_init(|| version))
-        });
-        version.is_some_and(|version| version >= least)
+    fn speaks(&self, least: i32) -> Result<bool, StoreError> {
+        if let Some(version) = self.version.get() {
+            return Ok(*version >= least);
+        }
+        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
+        let hello = hello.map_err(|e| self.explain(&e))?;
+        let version = hello.get_i32("maxWireVersion").unwrap_or_default();
+        Ok(*self.version.get_or_init(|| version) >= least)
     }
 
     /// Makes the server keep images of the collection, which is made where it is

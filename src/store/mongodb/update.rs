@@ -140,7 +140,7 @@ impl MongoDb {
         at: DateTime,
     ) -> Result<Option<Updated>, StoreError> {
         for Single { request, meaning } in single_step::with_metadata(request, at)? {
-            if meaning == Meaning::IfTaken && !self.notes_what_pipelines_change() {
+            if meaning == Meaning::IfTaken && !self.notes_what_pipelines_change()? {
                 return Ok(None);
             }
             match (self.apply(ns, request), meaning) {
