@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use bson::raw::{RawBsonRef, RawElement};
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp, rawdoc};
 
 use crate::query::{QueryError, check_id_names, object_id};
 
@@ -17,16 +17,33 @@ pub const MAX_DEPTH: usize = 180;
 pub(crate) fn settle(mut document: Document) -> Result<(Bson, RawDocumentBuf), QueryError> {
     check_depth(&document)?;
     fill_timestamps(&mut document);
-    let id = match document.get("_id") {
-        Some(id) => id.clone(),
-        None => Bson::ObjectId(object_id::new()),
+    let encoded = |document: &Document| {
+        RawDocumentBuf::try_from(document)
+            .map_err(|error| QueryError::invalid(2, format!("the document cannot be stored: {error}")))
     };
-    check_id(&id)?;
-    let settled = with_id_first(document, &id);
-    let body = RawDocumentBuf::try_from(&settled)
-        .map_err(|error| QueryError::invalid(2, format!("the document cannot be stored: {error}")))?;
+    let (id, body) = match document.get("_id").cloned() {
+        Some(id) => {
+            check_id(&id)?;
+            let body = encoded(&with_id_first(document, &id))?;
+            (id, body)
+        }
+        None => {
+            let id = object_id::new();
+            (Bson::ObjectId(id), joined(&rawdoc! { "_id": id }, &encoded(&document)?)?)
+        }
+    };
     check_size(&body)?;
     Ok((id, body))
+}
+
+/// A document with the elements of two.
+fn joined(first: &RawDocument, second: &RawDocument) -> Result<RawDocumentBuf, QueryError> {
+    // Each begins with its length and ends with a NUL.
+    let elements = first.as_bytes().split_last().map(|(_, elements)| elements).unwrap_or_default();
+    let mut bytes = [elements, second.as_bytes().get(4..).unwrap_or_default()].concat();
+    let size = i32::try_from(bytes.len()).unwrap_or(i32::MAX);
+    bytes.get_mut(..4).into_iter().for_each(|length| length.copy_from_slice(&size.to_le_bytes()));
+    Ok(RawDocumentBuf::from_bytes(bytes)?)
 }
 
 /// The document with further keys, which it does not have, behind its own.
@@ -37,12 +54,7 @@ pub(crate) fn extend(document: &RawDocument, mut keys: Document) -> Result<RawDo
     check_depth(&keys)?;
     fill_timestamps(&mut keys);
     let keys = RawDocumentBuf::try_from(&keys)?;
-    // Each begins with its length and ends with a NUL.
-    let elements = document.as_bytes().split_last().map(|(_, elements)| elements).unwrap_or_default();
-    let mut bytes = [elements, keys.as_bytes().get(4..).unwrap_or_default()].concat();
-    let size = i32::try_from(bytes.len()).unwrap_or(i32::MAX);
-    bytes.get_mut(..4).into_iter().for_each(|length| length.copy_from_slice(&size.to_le_bytes()));
-    let extended = RawDocumentBuf::from_bytes(bytes)?;
+    let extended = joined(document, &keys)?;
     check_size(&extended)?;
     Ok(extended)
 }
@@ -119,12 +131,15 @@ fn check_id(id: &Bson) -> Result<(), QueryError> {
 
 /// Refuses what is nested too deeply, before anything walks it by recursion.
 fn check_depth(document: &Document) -> Result<(), QueryError> {
-    let mut level: Vec<&Bson> = document.values().collect();
-    for _ in 0..MAX_DEPTH {
-        level = level.into_iter().flat_map(children).collect();
+    let mut level: Vec<&Bson> = document.values().flat_map(children).collect();
+    for _ in 1..MAX_DEPTH {
         if level.is_empty() {
             return Ok(());
         }
+        level = level.into_iter().flat_map(children).collect();
+    }
+    if level.is_empty() {
+        return Ok(());
     }
     Err(too_deep())
 }

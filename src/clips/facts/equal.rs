@@ -37,12 +37,15 @@ pub fn remove_stored(documents: &mut Found, memory: &Memory, namespace: &Namespa
     Ok(before - documents.len())
 }
 
+/// About as many bytes as most facts have.
+const USUAL_SIZE: usize = 256;
+
 /// What a fact says: its slots in any order, with their types, and no metadata of the memory.
 fn content(document: &Document) -> Vec<u8> {
-    let mut slots: Vec<(&String, &Bson)> =
-        document.iter().filter(|(key, _)| !matches!(key.as_str(), "_id" | metadata::INFO)).collect();
+    let mut slots: Vec<(&String, &Bson)> = Vec::with_capacity(document.len());
+    slots.extend(document.iter().filter(|(key, _)| !matches!(key.as_str(), "_id" | metadata::INFO)));
     slots.sort_unstable_by_key(|(key, _)| *key);
-    let mut bytes = Vec::new();
+    let mut bytes = Vec::with_capacity(USUAL_SIZE);
     for (key, value) in slots {
         text(key, &mut bytes);
         encode(value, &mut bytes);

@@ -233,6 +233,10 @@ fn lone(text: &str) -> Option<TokenKind> {
     if text.starts_with(|first: char| first.is_ascii_alphabetic()) && text.bytes().all(plain) {
         return Some(TokenKind::Symbol);
     }
+    // No word but a string goes on behind a space.
+    if text.contains(' ') && !text.starts_with('"') {
+        return None;
+    }
     let mut pairs = Grammar::parse(Rule::word, text).ok()?;
     let pair = pairs.next().filter(|pair| pair.as_str().len() == text.len())?;
     kind(pair.as_rule(), pair.as_str())
