@@ -54,7 +54,9 @@ impl Pattern {
             let unset = flags.strip_prefix('-').unwrap_or_default();
             unset.chars().take_while(char::is_ascii_alphabetic).any(|flag| flag == 'a')
         };
-        if self.pattern.starts_with("(*") || self.pattern.split("(?").skip(1).any(unsets) {
+        // PCRE2 does not take these back.
+        let has_borders = ["[[:<:]]", "[[:>:]]"].iter().any(|border| self.pattern.contains(border));
+        if has_borders || self.pattern.starts_with("(*") || self.pattern.split("(?").skip(1).any(unsets) {
             return self;
         }
         match builder(&self.options).ucp(true).build(&format!("(?a){}", self.pattern)) {
@@ -112,6 +114,11 @@ mod tests {
             r"\B",
             r"[[:alpha:]]+",
             r"[[:^digit:]]",
+            r"[[:<:]]",
+            r"[[:>:]]",
+            r"[[:punct:]]",
+            r"[[:graph:]]+",
+            r"[[:xdigit:]]",
             r"[[:space:]]",
             r"[\w-]+",
             r"[^\W_]",

@@ -5,6 +5,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use bson::{DateTime, Timestamp};
 
@@ -14,6 +16,9 @@ use crate::monotonic;
 const PER_MILLISECOND: u32 = 4_000_000;
 /// So many times are from a change to the next.
 const PER_CHANGE: i64 = 10;
+
+/// How often it is looked whether a write is durable.
+const SETTLE_INTERVAL: Duration = Duration::from_micros(200);
 
 /// Gives times that do not go back.
 #[derive(Debug, Default)]
@@ -33,11 +38,21 @@ impl Clock {
     }
 
     /// The time up to which all changes can be read: a change that becomes durable from now on has no earlier one.
-    /// Those of other processes may.
+    /// Those of other processes, those in slices, and what expires, may.
     pub(super) fn settled(&self) -> Timestamp {
         let now = packed(self.now());
         let writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         unpacked(writing.iter().copied().min().map_or(now, |began| began.min(now)))
+    }
+
+    /// The time, later than all that were given, when all changes up to it can be read; where a write takes longer than `limit`,
+    /// those that it makes may be missing.
+    pub(super) fn settled_tick(&self, limit: Duration) -> Timestamp {
+        let (time, since) = (self.tick(), Instant::now());
+        while packed(self.settled()) < packed(time) && since.elapsed() < limit {
+            thread::sleep(SETTLE_INTERVAL);
+        }
+        time
     }
 
     /// Notes that a write begins, until its changes are durable.

@@ -117,7 +117,6 @@ impl<'m> Host<'m> {
         // A snapshot that a cursor reads cannot be written to.
         let other = Lazy::aside(&self.server);
         let memory = if self.has_cursors() { other.get()? } else { self.memory()? };
-        let _writing = self.server.clock.begin_write();
         let before = memory.bare(ns)?.committed_changes()?;
         let answer = work(memory);
         // A change stream from the time of the answer begins with the last of its changes.

@@ -5,6 +5,7 @@
 //! long as a transaction may take.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bson::{Bson, Document, RawDocumentBuf, Timestamp};
 
@@ -18,6 +19,9 @@ use crate::store::Namespace;
 
 /// Commands that read at a time.
 const READING: [&str; 3] = ["find", "aggregate", "distinct"];
+
+/// How long a snapshot waits for a write that is being made durable.
+const SETTLE_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Runs a command that reads a snapshot.
 pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: reading::Command) -> Answer {
@@ -33,7 +37,7 @@ pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: rea
         return Err(unavailable("readConcern snapshot is for databases in a file; this one is on a MongoDB server"));
     }
     let asked = call.request.at_cluster_time();
-    let time = asked.unwrap_or_else(|| host.server.clock.tick());
+    let time = asked.unwrap_or_else(|| host.server.clock.settled_tick(SETTLE_TIMEOUT));
     if clock::packed(time) > clock::packed(host.server.clock.now()) {
         let message = "readConcern atClusterTime value must not be greater than the current clusterTime.";
         return Err(Failure::new(codes::INVALID_OPTIONS, message));

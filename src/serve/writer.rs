@@ -152,7 +152,6 @@ impl WriterContext<'_> {
         // What cannot be done now is done at the next beat.
         let _ = self.server.scopes.look_after(memory, &self.server.ages);
         if !self.server.options.read_only {
-            let _writing = self.server.clock.begin_write();
             let _ = retry::sweep(memory, self.server.ages.ago(LONGEST));
             let _ = memory.expire_due();
         }

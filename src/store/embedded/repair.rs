@@ -6,11 +6,11 @@
 //! A changed bit can make a page of documents look shorter than it is, and nothing in it tells. But the index of `_id`s, which
 //! SQLite keeps, names every document: what it names and is not there is lost, or keeps an index from being made anew.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use rusqlite::{Connection, OptionalExtension as _, params};
 
 use super::catalog::Collection;
 use super::damage::Damage;
@@ -342,27 +342,38 @@ impl Embedded {
     }
 }
 
-/// The collections that are listed, and what of the list cannot be read.
+/// The collections that are listed, and what of the list cannot be read. The names stand in the table and in its index.
 fn collections(source: &Connection, lost: &mut Vec<String>) -> rusqlite::Result<Vec<(i64, Namespace)>> {
-    let mut statement = source.prepare("SELECT id, database, name FROM collections ORDER BY id")?;
-    let (mut rows, mut listed) = (statement.query([])?, Vec::new());
-    let named = |row: &Row<'_>| -> rusqlite::Result<_> {
-        Ok((row.get(0)?, Namespace { database: row.get(1)?, collection: row.get(2)? }))
-    };
-    loop {
-        match rows.next() {
-            Ok(Some(row)) => match named(row) {
-                Ok(collection) => listed.push(collection),
-                Err(_) => lost.push("a collection: its name cannot be read".to_owned()),
-            },
-            Ok(None) => return Ok(listed),
-            Err(error) if listed.is_empty() => return Err(error),
-            Err(error) => {
-                lost.push(format!("more collections, perhaps: {error}"));
-                return Ok(listed);
-            }
+    let (mut found, mut unnamed) = (BTreeMap::new(), BTreeSet::new());
+    let of_table = list(source, "NOT INDEXED", &mut found, &mut unnamed);
+    let of_index = list(source, "INDEXED BY sqlite_autoindex_collections_1", &mut found, &mut unnamed);
+    match (of_table, of_index) {
+        (Err(error), Err(_)) if found.is_empty() => return Err(error),
+        (Err(error), Err(_)) => lost.push(format!("more collections, perhaps: {error}")),
+        _ => {}
+    }
+    let unnamed = unnamed.iter().filter(|id| id.is_none_or(|id| !found.contains_key(&id)));
+    lost.extend(unnamed.map(|_| "a collection: its name cannot be read".to_owned()));
+    Ok(found.into_iter().collect())
+}
+
+/// Adds the collections that are listed in one place, and the numbers of those without a name.
+fn list(
+    source: &Connection,
+    place: &str,
+    found: &mut BTreeMap<i64, Namespace>,
+    unnamed: &mut BTreeSet<Option<i64>>,
+) -> rusqlite::Result<()> {
+    let mut statement = source.prepare(&format!("SELECT id, database, name FROM collections {place}"))?;
+    let mut rows = statement.query([])?;
+    while let Some(row) = rows.next()? {
+        let name = || -> rusqlite::Result<_> { Ok(Namespace { database: row.get(1)?, collection: row.get(2)? }) };
+        match (row.get(0), name()) {
+            (Ok(id), Ok(name)) => drop(found.entry(id).or_insert(name)),
+            (id, _) => drop(unnamed.insert(id.ok())),
         }
     }
+    Ok(())
 }
 
 /// The indexes of a collection, `None` for each that cannot be read.

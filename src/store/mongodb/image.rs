@@ -47,8 +47,12 @@ impl MongoDb {
             return Ok(*version >= least);
         }
         let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let hello = hello.map_err(|e| self.explain(&e))?;
-        let version = hello.get_i32("maxWireVersion").unwrap_or_default();
+        let version = match hello {
+            Ok(hello) => hello.get_i32("maxWireVersion").unwrap_or_default(),
+            // An old server does not know the command.
+            Err(error) if failure::code(&error).is_some() => 0,
+            Err(error) => return Err(self.explain(&error)),
+        };
         Ok(*self.version.get_or_init(|| version) >= least)
     }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document, doc};
+use bson::spec::BinarySubtype;
+use bson::{Binary, Bson, Document, doc};
 use libtest_mimic::Failed;
 use mongodb::change_stream::event::{ChangeNamespace, ChangeStreamEvent, OperationType};
 use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
@@ -219,12 +220,19 @@ fn read_among_writes() -> Result<(), Failed> {
         }
         Ok(())
     });
-    let last = doc! { "find": "c", "sort": { "_id": -1 }, "limit": 1, "$db": "a" };
-    for round in 0..100 {
-        let read = wire.run(&last)?;
-        let found = read.get_document("cursor")?.get_array("firstBatch")?;
+    for round in 0..100_u8 {
+        let mut read = doc! { "find": "c", "sort": { "_id": -1 }, "limit": 1, "$db": "a" };
+        let is_snapshot = round % 2 == 1;
+        if is_snapshot {
+            let id = Binary { subtype: BinarySubtype::Uuid, bytes: vec![round; 16] };
+            read.extend(doc! { "lsid": { "id": id }, "readConcern": { "level": "snapshot" } });
+        }
+        let read = wire.run(&read)?;
+        let cursor = read.get_document("cursor").map_err(|_| read.to_string())?;
+        let found = cursor.get_array("firstBatch")?;
         let last = found.first().and_then(Bson::as_document).map_or(-1, |found| found.get_i32("_id").unwrap_or(-1));
-        let time = read.get_timestamp("operationTime")?;
+        let time =
+            if is_snapshot { cursor.get_timestamp("atClusterTime")? } else { read.get_timestamp("operationTime")? };
         // The next write comes while the stream waits.
         let mut received = Vec::new();
         while received.is_empty() {
