@@ -46,13 +46,19 @@ impl Clock {
     }
 
     /// The time, later than all that were given, when all changes up to it can be read; where a write takes longer than `limit`,
-    /// those that it makes may be missing.
+    /// the time when that began.
     pub(super) fn settled_tick(&self, limit: Duration) -> Timestamp {
         let (time, since) = (self.tick(), Instant::now());
-        while packed(self.settled()) < packed(time) && since.elapsed() < limit {
+        loop {
+            let settled = self.settled();
+            if packed(settled) >= packed(time) {
+                return time;
+            }
+            if since.elapsed() >= limit {
+                return settled;
+            }
             thread::sleep(SETTLE_INTERVAL);
         }
-        time
     }
 
     /// Notes that a write begins, until its changes are durable.

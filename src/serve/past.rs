@@ -21,7 +21,7 @@ use crate::store::Namespace;
 const READING: [&str; 3] = ["find", "aggregate", "distinct"];
 
 /// How long a snapshot waits for a write that is being made durable.
-const SETTLE_TIMEOUT: Duration = Duration::from_millis(100);
+const SETTLE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Runs a command that reads a snapshot.
 pub(super) fn read(host: &mut Host<'_>, ns: &Namespace, call: Call, command: reading::Command) -> Answer {
