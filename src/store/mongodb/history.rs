@@ -43,7 +43,7 @@ const QUIET_TIME: Duration = Duration::from_millis(300);
 const LARGEST_IMAGES: usize = 15 << 20;
 /// So many changes are written at once.
 const BATCH: usize = 200;
-/// About so many bytes of documents with their dates.
+/// About so many bytes of documents.
 const BATCH_BYTES: usize = 8 << 20;
 /// So many changes of others are recorded at once while one waits for one's own, at most.
 const MOST_OF_OTHERS: u64 = 2_000;
@@ -98,6 +98,8 @@ struct Batch {
 impl Batch {
     fn add(&mut self, ns: &Namespace, change: &Change) -> Result<(), QueryError> {
         self.entries.push(entry(ns, change)?);
+        self.bytes +=
+            [&change.before, &change.after].into_iter().flatten().map(|image| image.as_bytes().len()).sum::<usize>();
         if let Some(id) = &change.id {
             if self.last.len() >= MOST_KNOWN {
                 self.last.clear();
@@ -366,8 +368,8 @@ impl MongoDb {
             let statements = std::mem::take(&mut batch.dates);
             let dates = doc! { "update": ENTRIES, "updates": statements, "ordered": false };
             self.client().database(&ns.database).run_command(dates).run().map_err(|e| self.explain(&e))?;
-            batch.bytes = 0;
         }
+        batch.bytes = 0;
         changes.done()
     }
 

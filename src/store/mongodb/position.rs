@@ -62,7 +62,10 @@ impl Position {
                 {
                     free.push(doc! { "holder": text });
                 }
-                Some((_, Ok(other))) if other.life() == Life::Running => return Err(held(name, holder.as_deref())),
+                // A release of this process may have failed; what it holds, it holds on to before its lease is over.
+                Some((text, Ok(other))) if other.life() == Life::Running && text != position.myself => {
+                    return Err(held(name, holder.as_deref()));
+                }
                 _ => free.push(doc! { "$expr": { "$lte": ["$until", "$$NOW"] } }),
             }
             let filter = doc! { "_id": name, "$or": free };
@@ -129,7 +132,7 @@ impl Position {
 
     /// Releases the name.
     pub(super) fn release(&self) {
-        // If it cannot be released now, it is free once its process has ended or its lease is over.
+        // If it cannot be released now, it is free once its process has ended, and for that process once its lease is over.
         let mine = doc! { "_id": &self.name, "holder": &self.myself };
         let _ = self.names.update_one(mine, doc! { "$unset": { "holder": 1, "until": 1 } }).run();
     }
