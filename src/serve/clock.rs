@@ -4,7 +4,7 @@
 //! times [`PER_CHANGE`]: between two changes others write of whose changes nothing is kept.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -41,8 +41,7 @@ impl Clock {
     /// Those of other processes, those in slices, and what expires, may.
     pub(super) fn settled(&self) -> Timestamp {
         let now = packed(self.now());
-        let writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
-        unpacked(writing.iter().copied().min().map_or(now, |began| began.min(now)))
+        unpacked(self.writing().iter().copied().min().map_or(now, |began| began.min(now)))
     }
 
     /// The time, later than all that were given, when all changes up to it can be read; where a write takes longer than `limit`,
@@ -63,10 +62,14 @@ impl Clock {
 
     /// Notes that a write begins, until its changes are durable.
     pub(super) fn begin_write(&self) -> Writing<'_> {
-        let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut writing = self.writing();
         let began = packed(self.now());
         writing.push(began);
         Writing { clock: self, began }
+    }
+
+    fn writing(&self) -> MutexGuard<'_, Vec<u64>> {
+        self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The time, later than all that were given.
@@ -118,7 +121,7 @@ pub(super) struct Writing<'a> {
 
 impl Drop for Writing<'_> {
     fn drop(&mut self) {
-        let mut writing = self.clock.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut writing = self.clock.writing();
         if let Some(index) = writing.iter().position(|began| *began == self.began) {
             writing.swap_remove(index);
         }

@@ -134,14 +134,11 @@ fn check_depth(document: &Document) -> Result<(), QueryError> {
     let mut level: Vec<&Bson> = document.values().flat_map(children).collect();
     for _ in 1..MAX_DEPTH {
         if level.is_empty() {
-            return Ok(());
+            break;
         }
         level = level.into_iter().flat_map(children).collect();
     }
-    if level.is_empty() {
-        return Ok(());
-    }
-    Err(too_deep())
+    if level.is_empty() { Ok(()) } else { Err(too_deep()) }
 }
 
 fn children(value: &Bson) -> Box<dyn Iterator<Item = &Bson> + '_> {

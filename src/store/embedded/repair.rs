@@ -347,10 +347,11 @@ fn collections(source: &Connection, lost: &mut Vec<String>) -> rusqlite::Result<
     let (mut found, mut unnamed) = (BTreeMap::new(), BTreeSet::new());
     let of_table = list(source, "NOT INDEXED", &mut found, &mut unnamed);
     let of_index = list(source, "INDEXED BY sqlite_autoindex_collections_1", &mut found, &mut unnamed);
-    match (of_table, of_index) {
-        (Err(error), Err(_)) if found.is_empty() => return Err(error),
-        (Err(error), Err(_)) => lost.push(format!("more collections, perhaps: {error}")),
-        _ => {}
+    if let (Err(error), Err(_)) = (of_table, of_index) {
+        if found.is_empty() {
+            return Err(error);
+        }
+        lost.push(format!("more collections, perhaps: {error}"));
     }
     let unnamed = unnamed.iter().filter(|id| id.is_none_or(|id| !found.contains_key(&id)));
     lost.extend(unnamed.map(|_| "a collection: its name cannot be read".to_owned()));
