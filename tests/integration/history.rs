@@ -16,7 +16,7 @@ use crate::processes::until;
 type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
-pub(crate) const CASES: [(&str, Case); 7] = [
+pub(crate) const CASES: [(&str, Case); 10] = [
     ("history::mongodb::own_writes_are_signed_and_those_of_others_are_recorded", written_by_all),
     ("history::mongodb::the_memory_is_read_as_it_was_and_changes_are_taken_back", read_and_undone),
     ("history::mongodb::record_keeps_the_history_while_it_runs", recorded),
@@ -24,6 +24,9 @@ pub(crate) const CASES: [(&str, Case); 7] = [
     ("history::mongodb::a_date_that_is_read_again_stays_with_its_change", read_again),
     ("history::mongodb::a_write_is_done_and_signed_while_others_write_all_the_time", among_others),
     ("history::mongodb::changes_of_large_documents_are_passed", large),
+    ("history::mongodb::a_history_begins_again_behind_a_database_that_was_dropped", begun_again),
+    ("history::mongodb::what_is_written_at_the_same_moment_is_signed_by_its_own_author", at_the_same_moment),
+    ("history::mongodb::a_date_belongs_to_a_change_that_has_none", dated_by_itself),
 ];
 
 fn ns(name: &str) -> Namespace {
@@ -246,5 +249,79 @@ fn large(uri: &str) -> Result<(), Failed> {
         seen.push(format!("{} {}", change.kind.name(), change.after.is_some()));
     }
     assert_eq!(seen, ["update true", "update true", "insert true", "delete false"]);
+    Ok(())
+}
+
+fn begun_again(uri: &str) -> Result<(), Failed> {
+    let database = format!("history_dropped_{}", std::process::id());
+    let (ns, memory) = (Namespace { database, ..ns("c") }, memory(uri, "rmem test")?);
+    memory.insert(&ns, vec![doc! { "_id": 1, "n": 1 }])?;
+    Client::with_uri_str(uri)?.database(&ns.database).drop().run()?;
+    memory.insert(&ns, vec![doc! { "_id": 2, "n": 1 }])?;
+    memory.update(&ns, &set(doc! {}, doc! { "n": 2 }, true))?;
+    let wanted = [
+        r#""rmem test" "insert" 2 - { "_id": 2, "n": 1 }"#,
+        r#""rmem test" "update" 2 { "_id": 2, "n": 1 } { "_id": 2, "n": 2 }"#,
+    ];
+    // The server does not keep what was there before a change of a collection that was made by it.
+    let known = entries(&memory, &ns)?.into_iter().map(|entry| entry.replace("2 - { \"_id\": 2, \"n\": 2 }", "2"));
+    assert_eq!(known.collect::<Vec<_>>(), wanted);
+    Client::with_uri_str(uri)?.database(&ns.database).drop().run()?;
+    Ok(())
+}
+
+fn at_the_same_moment(uri: &str) -> Result<(), Failed> {
+    const EACH: i32 = 40;
+    let ns = ns("moment");
+    memory(uri, "before")?.insert(&ns, vec![doc! { "_id": "counter", "n": 0 }])?;
+    let together = std::sync::Barrier::new(2);
+    let inserting = || -> Result<(), Failed> {
+        let memory = memory(uri, "inserting")?;
+        for id in 0..EACH {
+            together.wait();
+            memory.insert(&ns, vec![doc! { "_id": id }])?;
+        }
+        Ok(())
+    };
+    let updating = || -> Result<(), Failed> {
+        let memory = memory(uri, "updating")?;
+        for n in 1..=EACH {
+            together.wait();
+            memory.update(&ns, &set(doc! { "_id": "counter" }, doc! { "n": n }, false))?;
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let other = scope.spawn(inserting);
+        let done = updating();
+        other.join().map_err(|_| "the other one failed")??;
+        done
+    })?;
+    let found = entries(&memory(uri, "after")?, &ns)?;
+    for (author, operation) in [("inserting", "insert"), ("updating", "update")] {
+        let own = format!("\"{author}\" \"{operation}\"");
+        assert_eq!(found.iter().filter(|entry| entry.starts_with(&own)).count(), EACH as usize, "{found:#?}");
+    }
+    Ok(())
+}
+
+/// Two changes, of which the second has its date, and then a date by itself.
+fn dated_by_itself(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("itself"), memory(uri, "rmem test")?);
+    memory.insert(&ns, vec![doc! { "_id": 1, "n": 1 }])?;
+    let server = Client::with_uri_str(uri)?.database(&ns.database);
+    let other = server.collection::<Document>(&ns.collection);
+    let (first, second) = (DateTime::from_millis(4_000_000_000_000), DateTime::from_millis(4_000_000_000_001));
+    let date = "_robmem_info.updated";
+    for update in [doc! { "n": 2 }, doc! { "n": 3, date: second }, doc! { date: first }] {
+        other.update_one(doc! {}, doc! { "$set": update }).run()?;
+    }
+    assert_eq!(entries(&memory, &ns)?.len(), 3);
+    let history = server.collection::<Document>("rmem.history");
+    let updates = history.find(doc! { "ns": ns.to_string(), "operation": "update" }).sort(doc! { "_id": 1 });
+    let updates: Vec<Document> = updates.run()?.collect::<Result<_, _>>()?;
+    let dates =
+        updates.iter().map(|entry| entry.get_document("after")?.get_document("_robmem_info")?.get_datetime("updated"));
+    assert_eq!(dates.collect::<Result<Vec<_>, _>>()?, [&first, &second]);
     Ok(())
 }

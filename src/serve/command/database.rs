@@ -65,6 +65,8 @@ fn drop_database(memory: &Memory, call: &Call) -> Answer {
     let mut all = memory.collections_of(&call.request.database)?;
     // What writes of all databases were answered stays.
     all.retain(|ns| ns.database != OF_FILES || ns.collection != RECORDS);
+    // What is noted of the others goes behind them.
+    all.sort_by_key(Namespace::is_own);
     for ns in &all {
         call.access(memory).drop(ns)?;
     }

@@ -6,16 +6,17 @@
 //! leaves that to the next. An entry's `_id` is the position of its change, so none is recorded twice.
 //! rmem signs its own changes once they are recorded.
 //!
-//! Where rmem writes the date of a change in a second step, that belongs to the entry of the change. Of documents that have no
-//! room in an entry, or in an event of the server, the dates alone are kept.
+//! Where rmem writes the date of a change in a second step, that belongs to the entry of the change: to the last one of the
+//! document that has no date of its own. Of documents that have no room in an entry, or in an event of the server, the dates
+//! alone are kept.
 
 use std::collections::hash_map::Entry::Vacant;
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use bson::raw::RawBsonRef;
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp, doc};
 use mongodb::sync::Collection;
 
 use super::keeping::Owed;
@@ -47,8 +48,10 @@ const BATCH: usize = 200;
 const BATCH_BYTES: usize = 8 << 20;
 /// So many changes of others are recorded at once while one waits for one's own, at most.
 const MOST_OF_OTHERS: u64 = 2_000;
-/// Of so many documents it is known which entry is the last one.
+/// Of so many documents it is known which entries are the last ones.
 const MOST_KNOWN: usize = 100_000;
+/// So many of each document.
+const RECENT: usize = 16;
 
 /// Which changes a write made, as a filter on entries, and how many.
 pub(super) struct Made {
@@ -65,13 +68,23 @@ impl Made {
         Self { count: ids.len() as u64, filter, is_exact: true }
     }
 
-    /// What has this date in its metadata.
-    pub(super) fn dated(count: u64, at: Option<DateTime>) -> Self {
-        let filter = at.map_or_else(Document::new, |at| {
-            let paths = [UPDATED, INSERTED].map(|key| [format!("after.{}", info_path(key)), format!("dates.{key}")]);
-            doc! { "$or": paths.concat().into_iter().map(|path| doc! { path: at }).collect::<Vec<_>>() }
-        });
-        Self { count, filter, is_exact: at.is_some() }
+    /// What was changed or inserted with this date; of what was inserted, the documents with these `_id`s, where they are known.
+    pub(super) fn dated(count: u64, at: Option<DateTime>, inserted: Option<&[Bson]>) -> Self {
+        let Some(at) = at else { return Self { count, filter: Document::new(), is_exact: false } };
+        let dated = |key: &str| {
+            let paths = [format!("after.{}", info_path(key)), format!("dates.{key}")];
+            paths.into_iter().map(|path| doc! { path: at }).collect::<Vec<_>>()
+        };
+        // Others may have inserted something at the same time.
+        let mut inserts = doc! { "operation": "insert", "$or": dated(INSERTED) };
+        inserts.extend(inserted.map(|ids| ("document".to_owned(), doc! { "$in": ids }.into())));
+        let changes = doc! { "operation": { "$in": ["update", "replace"] }, "$or": dated(UPDATED) };
+        Self { count, filter: doc! { "$or": [changes, inserts] }, is_exact: true }
+    }
+
+    /// What cannot be told from what others did.
+    pub(super) fn unknown() -> Self {
+        Self { count: 0, filter: Document::new(), is_exact: false }
     }
 
     /// What was removed: the documents with these `_id`s, where they are known.
@@ -91,8 +104,45 @@ struct Batch {
     /// Statements that add the date of a change to its entry.
     dates: Vec<Document>,
     bytes: usize,
-    /// The last entry of each document, where it was recorded a moment ago.
-    last: HashMap<Vec<u8>, String>,
+    /// The last entries of each document, where they were recorded a moment ago.
+    last: HashMap<Vec<u8>, VecDeque<Recent>>,
+}
+
+/// An entry that the date of a change may belong to.
+struct Recent {
+    position: String,
+    updated: Option<DateTime>,
+    /// Whether the change wrote the date itself.
+    is_dated: bool,
+}
+
+impl Recent {
+    fn new(position: &str, [before, after]: [Option<&RawDocument>; 2]) -> Self {
+        let of = |image: Option<&RawDocument>| image.and_then(|image| dates(image).get_datetime(UPDATED).ok().copied());
+        let updated = of(after);
+        let is_dated = before.is_some() && updated.is_some() && updated != of(before);
+        Self { position: position.to_owned(), updated, is_dated }
+    }
+
+    /// Whether a date may belong to it: also where it was given it already, and the change of the date is read again.
+    fn takes(&self, date: Option<DateTime>) -> bool {
+        !self.is_dated || self.updated == date
+    }
+}
+
+/// A moment, by the server.
+#[derive(Clone, Copy)]
+struct Moment {
+    time: DateTime,
+    /// Behind the last change that it had.
+    position: Option<Timestamp>,
+}
+
+/// What was recorded of the changes of a collection.
+struct Caught {
+    count: u64,
+    /// Up to which time of the server nothing is left, where that is known.
+    reached: Option<Timestamp>,
 }
 
 impl Batch {
@@ -101,12 +151,21 @@ impl Batch {
         self.bytes +=
             [&change.before, &change.after].into_iter().flatten().map(|image| image.as_bytes().len()).sum::<usize>();
         if let Some(id) = &change.id {
-            if self.last.len() >= MOST_KNOWN {
-                self.last.clear();
+            let last = self.last.entry(key::encode_value(id)).or_default();
+            if last.len() == RECENT {
+                last.pop_front();
             }
-            self.last.insert(key::encode_value(id), change.position.clone());
+            last.push_back(Recent::new(&change.position, [change.before.as_deref(), change.after.as_deref()]));
         }
         Ok(())
+    }
+
+    /// The entry of a document that a date belongs to, where it was recorded a moment ago.
+    fn take(&mut self, id: &Bson, updated: Option<DateTime>) -> Option<String> {
+        let last = self.last.get_mut(&key::encode_value(id))?;
+        let recent = last.iter_mut().rev().find(|recent| recent.takes(updated))?;
+        (recent.updated, recent.is_dated) = (updated, true);
+        Some(recent.position.clone())
     }
 
     /// Adds the date of the change that an entry is about.
@@ -157,6 +216,13 @@ impl MongoDb {
         self.keeping().sign(author);
     }
 
+    /// Forgets which histories have begun, where what is kept of them is gone with a collection.
+    pub(super) fn forget_history(&self, gone: &Namespace) {
+        if gone.is_own() {
+            self.keeping().begun.retain(|ns| ns.database != gone.database);
+        }
+    }
+
     /// Why the last write is not in the history, where that was not told yet.
     pub(super) fn take_unrecorded(&self) -> Option<String> {
         self.keeping().unrecorded.take()
@@ -199,7 +265,7 @@ impl MongoDb {
     ) -> Result<T, StoreError> {
         let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
         self.begin(ns)?;
-        let start = self.server_time()?;
+        let start = self.moment()?;
         let mut owed = Owed::take(&self.address, ns);
         let recording = Recording::begin(self);
         let done = work();
@@ -207,9 +273,9 @@ impl MongoDb {
         let made = made(done.as_ref());
         let may_be_made = matches!(done, Err(StoreError::Unreachable { may_be_done: true, .. }));
         if made.count > 0 || may_be_made {
-            owed.push(self.signature(ns, &made, start));
+            owed.push(self.signature(ns, &made, start.time));
         }
-        let recorded = self.record_own(ns, &rule, made.count, &mut owed);
+        let recorded = self.record_own(ns, &rule, (made.count, start), &mut owed);
         // Those whose changes are not recorded yet.
         Owed::keep(owed);
         match (done, recorded) {
@@ -246,20 +312,22 @@ impl MongoDb {
         if self.keeping().begun.contains(ns) {
             return Ok(());
         }
-        let name = name(ns);
-        let is_known = self.names_in(&ns.database)?.contains(&name);
-        match self.follow_for_history(ns, &name) {
+        let known = self.beginnings(ns).find_one(doc! { "_id": &ns.collection }).run().map_err(|e| self.explain(&e))?;
+        let is_known = match self.follow_for_history(ns, &name(ns), None) {
+            Ok(changes) => known.is_some() && !changes.is_new(),
             // Another process records at this moment.
-            Ok(_) | Err(StoreError::Held { .. }) => {}
+            Err(StoreError::Held { .. }) => known.is_some(),
             Err(error) => return Err(error),
-        }
+        };
         if !is_known {
-            let now = self.server_time()?;
-            self.begin_at(ns, now)?;
-            let index =
-                doc! { "createIndexes": ENTRIES, "indexes": [{ "key": { "ns": 1, "_id": 1 }, "name": "ns_1__id_1" }] };
-            self.client().database(&ns.database).run_command(index).run().map_err(|e| self.explain(&e))?;
+            self.begin_at(ns, self.moment()?.time)?;
         }
+        let indexes = [
+            doc! { "key": { "ns": 1, "_id": 1 }, "name": "ns_1__id_1" },
+            doc! { "key": { "ns": 1, "time": 1 }, "name": "ns_1_time_1" },
+        ];
+        let indexes = doc! { "createIndexes": ENTRIES, "indexes": indexes.to_vec() };
+        self.client().database(&ns.database).run_command(indexes).run().map_err(|e| self.explain(&e))?;
         self.keeping().begun.insert(ns.clone());
         Ok(())
     }
@@ -271,40 +339,50 @@ impl MongoDb {
         self.beginnings(ns).update_one(own, set).upsert(true).run().map(drop).map_err(|e| self.explain(&e))
     }
 
-    fn server_time(&self) -> Result<DateTime, StoreError> {
+    /// Now.
+    fn moment(&self) -> Result<Moment, StoreError> {
         let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
         let hello = hello.map_err(|e| self.explain(&e))?;
-        Ok(hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()))
+        let behind = |last: Timestamp| Timestamp { increment: last.increment.saturating_add(1), ..last };
+        Ok(Moment {
+            time: hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()),
+            position: hello.get_timestamp("operationTime").ok().map(behind),
+        })
     }
 
-    /// Records the changes up to those of a write, of which there are `count`, and signs these, the last of what is owed. What
-    /// is owed from before lies before them, so that nothing is owed then.
+    /// Records the changes up to those of a write that began at a time, of which there are `count`, and signs these, the last of
+    /// what is owed. What is owed from before lies before them, so that nothing is owed then.
     fn record_own(
         &self,
         ns: &Namespace,
         rule: &HistoryRule,
-        count: u64,
+        (count, start): (u64, Moment),
         owed: &mut Vec<Owed>,
     ) -> Result<(), StoreError> {
         let Some(own) = owed.last().filter(|_| count > 0) else { return Ok(()) };
+        // Behind the last change of the write.
+        let end = self.moment()?.position;
         let (begun, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
-        let mut progress = begun;
+        let (mut progress, mut is_read) = (begun, false);
         // Where others write meanwhile, more and more is taken at once, so as to come by them.
         let mut most = count;
-        while signed < count && progress.elapsed() < OWN_TIMEOUT {
+        while signed < count && !is_read && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, &mut batch, Duration::from_millis(50), most)?;
-            if recorded == 0 {
+            let recorded = self.catch_up(ns, rule, &mut batch, (Duration::from_millis(50), most), Some(start))?;
+            if recorded.count == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
             most = most.max((most * 2).min(MOST_OF_OTHERS));
+            // Of the time of the last change there may be more, until a later one is reached.
+            is_read = recorded.reached.zip(end).is_some_and(|(reached, end)| reached >= end);
             let more = self.sign_entries(ns, own)?;
             signed += more;
-            if more > 0 || (recorded > 0 && begun.elapsed() < OTHERS_TIMEOUT) {
+            if more > 0 || (recorded.count > 0 && begun.elapsed() < OTHERS_TIMEOUT) {
                 progress = Instant::now();
             }
         }
-        if signed >= count {
+        // Where all was read, what is not signed by now is another's.
+        if signed >= count || is_read {
             owed.pop();
             while let Some(before) = owed.last() {
                 self.sign_entries(ns, before)?;
@@ -319,24 +397,30 @@ impl MongoDb {
         Ok(signed.map_err(|e| self.explain(&e))?.modified_count)
     }
 
-    /// Records the changes that are there, and their dates, at most so many; returns how many.
+    /// Records the changes that are there, and their dates, at most so many, where no more come for a while; where nothing was
+    /// recorded before, those since a moment.
     fn catch_up(
         &self,
         ns: &Namespace,
         rule: &HistoryRule,
         batch: &mut Batch,
-        lull: Duration,
-        most: u64,
-    ) -> Result<u64, StoreError> {
-        let mut changes = match self.follow_for_history(ns, &name(ns)) {
+        (lull, most): (Duration, u64),
+        since: Option<Moment>,
+    ) -> Result<Caught, StoreError> {
+        let mut changes = match self.follow_for_history(ns, &name(ns), since.and_then(|since| since.position)) {
             Ok(changes) => changes,
-            Err(StoreError::Held { .. }) => return Ok(0),
+            Err(StoreError::Held { .. }) => return Ok(Caught { count: 0, reached: None }),
             Err(error) => return Err(error),
         };
+        if changes.is_new() {
+            // The database was dropped, and the history with it.
+            let since = since.map_or_else(|| self.moment(), Ok)?;
+            self.begin_at(ns, since.time)?;
+        }
         // Others may have recorded later changes since.
         batch.last.clear();
-        let mut total = 0;
-        while total < most {
+        let mut count = 0;
+        while count < most {
             match changes.next(lull)? {
                 Next::Change(change) => batch.add(ns, &change)?,
                 Next::Nothing | Next::Interrupted(_) => match changes.take_date() {
@@ -344,16 +428,16 @@ impl MongoDb {
                     None => break,
                 },
             }
-            total += 1;
+            count += 1;
             if batch.is_full() {
                 self.keep(ns, batch, &mut changes)?;
             }
         }
         self.keep(ns, batch, &mut changes)?;
-        if total > 0 {
+        if count > 0 {
             self.bound(ns, rule)?;
         }
-        Ok(total)
+        Ok(Caught { count, reached: changes.reached() })
     }
 
     /// Writes entries, and that they are written.
@@ -370,25 +454,45 @@ impl MongoDb {
             self.client().database(&ns.database).run_command(dates).run().map_err(|e| self.explain(&e))?;
         }
         batch.bytes = 0;
+        // What was recorded is found again by its document.
+        if batch.last.len() >= MOST_KNOWN {
+            batch.last.clear();
+        }
         changes.done()
     }
 
-    /// Adds the date of the last change of a document before it to the entry of that.
+    /// Adds a date to the entry of its change: the last one of the document before it that has none of its own.
     fn date(&self, ns: &Namespace, date: &Change, batch: &mut Batch) -> Result<(), StoreError> {
         let (Some(id), Some(dated)) = (&date.id, &date.after) else { return Ok(()) };
-        let known = batch.last.get(&key::encode_value(id)).cloned();
-        let entry = match known {
+        let updated = dates(dated).get_datetime(UPDATED).ok().copied();
+        let entry = match batch.take(id, updated) {
             Some(entry) => Some(entry),
             None => {
-                let before = doc! { "$lt": &date.position };
-                let of_document = doc! { "ns": ns.to_string(), "_id": before, "document": { "$eq": id } };
-                let entries = self.entries(ns);
-                let last = entries.find_one(of_document).sort(doc! { "_id": -1 }).projection(doc! { "_id": 1 });
-                let last = last.run().map_err(|e| self.explain(&e))?;
-                last.and_then(|entry| entry.get_str("_id").ok().map(str::to_owned))
+                self.recent(ns, id, &date.position)?.into_iter().find(|entry| entry.takes(updated)).map(|e| e.position)
             }
         };
         Ok(entry.map_or(Ok(()), |entry| batch.add_date(&entry, dated))?)
+    }
+
+    /// The last entries of a document before a position, the last one first.
+    fn recent(&self, ns: &Namespace, id: &Bson, before: &str) -> Result<Vec<Recent>, StoreError> {
+        let filter = doc! { "ns": ns.to_string(), "_id": { "$lt": before }, "document": { "$eq": id } };
+        let info = |image: &str| (format!("{image}.{INFO}"), Bson::from(1));
+        let place = Namespace { database: ns.database.clone(), collection: ENTRIES.to_owned() };
+        let projection = [info("before"), info("after")].into_iter().collect();
+        let find = Find {
+            filter,
+            sort: doc! { "_id": -1 },
+            limit: RECENT as u64,
+            projection,
+            current: true,
+            ..Find::default()
+        };
+        let entry = |entry: RawDocumentBuf| {
+            let image = |key: &str| entry.get_document(key).ok();
+            Recent::new(entry.get_str("_id").unwrap_or_default(), [image("before"), image("after")])
+        };
+        self.find(&place, &find)?.map(|found| found.map(entry)).collect()
     }
 
     /// Lets go of entries that are too old or too many.
@@ -447,7 +551,7 @@ impl MongoDb {
 
     fn oldest(&self, rule: &HistoryRule) -> Result<DateTime, StoreError> {
         let age = to_i64(rule.age.as_millis());
-        Ok(DateTime::from_millis(self.server_time()?.timestamp_millis().saturating_sub(age)))
+        Ok(DateTime::from_millis(self.moment()?.time.timestamp_millis().saturating_sub(age)))
     }
 
     /// Since when the history of a collection is whole; nothing where none is kept.
@@ -463,7 +567,7 @@ impl MongoDb {
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(since) = self.beginning(ns)? else { return Ok(None) };
         if let Some(rule) = self.rule(ns) {
-            self.catch_up(ns, &rule, &mut Batch::default(), QUIET_TIME, u64::MAX)?;
+            self.catch_up(ns, &rule, &mut Batch::default(), (QUIET_TIME, u64::MAX), None)?;
         }
         // What was written a moment ago is a part of it; the other members may be behind the primary.
         let current = self.rule(ns).is_some();
@@ -520,7 +624,7 @@ impl MongoDb {
     ) -> Result<u64, StoreError> {
         let rule = self.rule(ns).ok_or_else(|| not_kept(ns, &[]))?;
         self.begin(ns)?;
-        let mut changes = self.follow_for_history(ns, &name(ns))?;
+        let mut changes = self.follow_for_history(ns, &name(ns), None)?;
         begun();
         let (mut total, mut looked, mut batch) = (0, Instant::now(), Batch::default());
         while !stop.load(Ordering::Relaxed) {

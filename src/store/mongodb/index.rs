@@ -40,6 +40,7 @@ impl MongoDb {
         self.decaying.forget(ns);
         self.collations.forget(ns);
         self.identities.forget(ns);
+        self.forget_history(ns);
     }
 
     pub(super) fn discard_index(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {

@@ -154,13 +154,6 @@ impl MongoDb {
 }
 
 impl MongoDb {
-    /// The names that a database has.
-    pub(super) fn names_in(&self, database: &str) -> Result<Vec<String>, StoreError> {
-        let kept: Collection<Document> = self.client().database(database).collection(COLLECTION);
-        let names = kept.distinct("_id", doc! {}).run().map_err(|e| self.explain(&e))?;
-        Ok(names.into_iter().filter_map(|name| name.as_str().map(str::to_owned)).collect())
-    }
-
     /// The names, with the process that follows each.
     pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
         let mut names = Vec::new();

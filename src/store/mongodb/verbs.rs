@@ -1,6 +1,6 @@
 //! The operations of [`Store`], each one call of the driver.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -39,10 +39,12 @@ impl Store for MongoDb {
 
     fn put(&self, ns: &Namespace, documents: Vec<Document>, timestamp: Option<DateTime>) -> Result<Put, StoreError> {
         let timestamp = self.time_of_change(ns, timestamp);
-        let done = Cell::new(Put::default());
+        let done = RefCell::new((Put::default(), Vec::new()));
         let made = |put: Result<&Put, &StoreError>| {
-            let stored = put.err().map_or(0, |error| error.stored().len() as u64);
-            Made::dated(done.get().inserted + done.get().replaced + stored, timestamp)
+            let (done, mut inserted) = done.take();
+            let stored = put.err().map_or(&[][..], |error| error.stored());
+            inserted.extend_from_slice(stored);
+            Made::dated(done.inserted + done.replaced + stored.len() as u64, timestamp, Some(&inserted))
         };
         self.recorded(ns, made, || self.put_all(ns, documents, timestamp, &done))
     }
@@ -130,8 +132,10 @@ impl Store for MongoDb {
     ) -> Result<Updated, StoreError> {
         let timestamp = self.time_of_change(ns, timestamp);
         let count = |updated: &Updated| updated.modified + u64::from(updated.upserted.is_some());
-        let made =
-            |done: Result<&Updated, &StoreError>| Made::dated(done.map_or_else(changed_before, count), timestamp);
+        let made = |done: Result<&Updated, &StoreError>| {
+            let inserted = done.ok().map(|done| done.upserted.as_slice());
+            Made::dated(done.map_or_else(changed_before, count), timestamp, inserted)
+        };
         self.recorded(ns, made, || self.change(ns, update, timestamp))
     }
 
@@ -152,7 +156,9 @@ impl Store for MongoDb {
                     let id = has_id.and_then(|document| named::id_of(document).ok());
                     Made::removals(count, id.as_slice())
                 }
-                Modification::Update { .. } => Made::dated(count, timestamp),
+                Modification::Update { .. } => {
+                    Made::dated(count, timestamp, done.ok().map(|done| done.upserted.as_slice()))
+                }
             }
         };
         self.recorded(ns, made, || self.modify_first(ns, request, timestamp))
@@ -163,7 +169,11 @@ impl Store for MongoDb {
             return self.remove(ns, query, first_only);
         }
         let ids = RefCell::new(Vec::new());
-        let made = |count: Result<&u64, &StoreError>| Made::removals(count.copied().unwrap_or(0), &ids.borrow());
+        let made = |count: Result<&u64, &StoreError>| match (count.copied().unwrap_or(0), ids.borrow().as_slice()) {
+            // Some were removed by others before.
+            (count, known) if !known.is_empty() && count != known.len() as u64 => Made::unknown(),
+            (count, known) => Made::removals(count, known),
+        };
         self.recorded(ns, made, || self.remove_known(ns, query, first_only, &ids))
     }
 
@@ -392,7 +402,7 @@ impl MongoDb {
         ns: &Namespace,
         documents: Vec<Document>,
         timestamp: Option<DateTime>,
-        done: &Cell<Put>,
+        done: &RefCell<(Put, Vec<Bson>)>,
     ) -> Result<Put, StoreError> {
         let identified = |document: Document| match document.contains_key("_id") {
             true => document,
@@ -404,19 +414,24 @@ impl MongoDb {
             // A document whose `_id` is taken is replaced, decayed or not.
             let insert = || self.insert_with_room(ns, documents, &|| Ok(false));
             let inserted = match self.recorded(ns, made_by_insert, insert) {
-                Ok(inserted) => inserted.ids.len(),
-                Err(StoreError::Duplicate { stored, .. }) => stored.len(),
+                Ok(inserted) => inserted.ids,
+                Err(StoreError::Duplicate { stored, .. }) => stored,
                 Err(error) => return Err(error),
             };
-            done.update(|done| Put { inserted: done.inserted + inserted as u64, ..done });
-            let mut taken = rest.split_off(inserted.min(rest.len()));
+            let mut taken = rest.split_off(inserted.len().min(rest.len()));
+            {
+                let (done, ids) = &mut *done.borrow_mut();
+                done.inserted += inserted.len() as u64;
+                ids.extend(inserted);
+            }
             std::mem::swap(&mut taken, &mut rest);
             if !rest.is_empty() {
                 let changed = self.put_over(ns, rest.remove(0), timestamp)?;
-                done.update(|done| Put { replaced: done.replaced + changed, same: done.same + 1 - changed, ..done });
+                let (done, _) = &mut *done.borrow_mut();
+                (done.replaced, done.same) = (done.replaced + changed, done.same + 1 - changed);
             }
         }
-        Ok(done.get())
+        Ok(done.borrow().0)
     }
 
     fn change(

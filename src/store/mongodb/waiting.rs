@@ -60,7 +60,9 @@ impl MongoDb {
         if let Some(left) = crate::deadline::left() {
             nothing.insert("maxTimeMS", i64::try_from(left.as_millis().max(1)).unwrap_or(i64::MAX));
         }
-        let answer = match self.client().database(&ns.database).run_command(nothing).run() {
+        let ask = || self.client().database(&ns.database).run_command(nothing.clone()).run();
+        // It may be asked twice, as it writes nothing.
+        let answer = match ask().or_else(|error| if failure::is_passing(&error) { ask() } else { Err(error) }) {
             Ok(answer) => answer,
             Err(error) => {
                 let code = failure::code(&error).unwrap_or(UNREACHABLE);

@@ -66,6 +66,12 @@ pub(super) struct Stream<'a> {
     token: Option<ResumeToken>,
     /// How far everything was given.
     given: Option<ResumeToken>,
+    /// Since when, where the stream has no token.
+    since: Option<Timestamp>,
+    /// Whether nothing was given by its name before.
+    is_new: bool,
+    /// Up to which time of the server everything was given, where it said so last.
+    reached: Option<Timestamp>,
     copy: Option<Copy>,
 }
 
@@ -79,15 +85,27 @@ struct Copy {
 
 impl MongoDb {
     pub(super) fn follow(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
-        Ok(Box::new(self.stream(ns, name, false)?))
+        Ok(Box::new(self.stream(ns, name, None, false)?))
     }
 
-    /// The changes of a collection for its history, behind what was recorded by this name.
-    pub(super) fn follow_for_history(&self, ns: &Namespace, name: &str) -> Result<Stream<'_>, StoreError> {
-        self.stream(ns, Some(name), true)
+    /// The changes of a collection for its history, behind what was recorded by this name; where that is none, from a time of
+    /// the server on.
+    pub(super) fn follow_for_history(
+        &self,
+        ns: &Namespace,
+        name: &str,
+        since: Option<Timestamp>,
+    ) -> Result<Stream<'_>, StoreError> {
+        self.stream(ns, Some(name), since, true)
     }
 
-    fn stream(&self, ns: &Namespace, name: Option<&str>, is_of_history: bool) -> Result<Stream<'_>, StoreError> {
+    fn stream(
+        &self,
+        ns: &Namespace,
+        name: Option<&str>,
+        since: Option<Timestamp>,
+        is_of_history: bool,
+    ) -> Result<Stream<'_>, StoreError> {
         if ns.collection == position::COLLECTION {
             let reason = format!("{ns} holds how far watches are, and cannot be watched itself");
             return Err(StoreError::Unfit { address: self.address.clone(), reason });
@@ -108,13 +126,16 @@ impl MongoDb {
             renewed: false,
             stream: None,
             await_time: MAX_AWAIT_TIME,
+            since,
+            is_new: token.is_none(),
             token,
             given: None,
+            reached: None,
             copy: None,
         };
         if server.images {
             // A watch that goes on has seen its collection: where it is missing now, it was dropped.
-            self.keep_images(ns, stream.token.is_none())?;
+            self.keep_images(ns, stream.is_new)?;
         }
         match stream.open() {
             Err(error) if is_too_large(&error) => stream.extent = Extent::Single,
@@ -137,8 +158,10 @@ impl Stream<'_> {
                 .full_document_before_change(FullDocumentBeforeChangeType::WhenAvailable),
             false => action.full_document(FullDocumentType::UpdateLookup),
         };
-        if let Some(token) = self.token.clone() {
-            action = action.start_after(token);
+        match (self.token.clone(), self.since) {
+            (Some(token), _) => action = action.start_after(token),
+            (None, Some(since)) => action = action.start_at_operation_time(since),
+            (None, None) => {}
         }
         if self.extent != Extent::Whole {
             action = action.batch_size(1);
@@ -177,6 +200,16 @@ impl Stream<'_> {
     /// The second step of an update, where that was what came: the document with its date.
     pub(super) fn take_date(&mut self) -> Option<Change> {
         self.date.take()
+    }
+
+    /// Whether nothing was given by the name of the stream before it was opened.
+    pub(super) fn is_new(&self) -> bool {
+        self.is_new
+    }
+
+    /// Up to which time of the server everything was given; nothing where it did not say so.
+    pub(super) fn reached(&self) -> Option<Timestamp> {
+        self.reached
     }
 
     /// One look at the stream: an event, or nothing for now.
@@ -347,6 +380,7 @@ impl Stream<'_> {
         };
         let Some(event) = event else {
             self.given.clone_from(&self.token);
+            self.reached = self.token.as_ref().and_then(|token| time_of(&name(token)));
             return Ok(Step::Nothing);
         };
         let before = self.given.clone();
@@ -467,6 +501,28 @@ fn name(token: &ResumeToken) -> String {
     text.map_or_else(|| token.to_string(), str::to_owned)
 }
 
+/// The time of the server that a token stands for: behind the type of a timestamp (130), its seconds and its number among
+/// those of a second, four bytes each, the highest first (MongoDB's `KeyString`).
+fn time_of(token: &str) -> Option<Timestamp> {
+    let (kind, rest) = token.split_at_checked(2)?;
+    let number = |from: usize| u32::from_str_radix(rest.get(from..from + 8)?, 16).ok();
+    (kind == "82").then_some(Timestamp { time: number(0)?, increment: number(8)? })
+}
+
 fn date(time: Option<Timestamp>) -> DateTime {
     time.map_or_else(DateTime::now, |time| DateTime::from_millis(i64::from(time.time) * 1_000))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_says_its_time() {
+        let of_event = "826566E2A3000000072B022C0100296E5A1004";
+        assert_eq!(time_of(of_event), Some(Timestamp { time: 0x6566_E2A3, increment: 7 }));
+        for other in ["", "8", "82", "826566E2A3", "816566E2A300000007", "82é66E2A300000007", "82zzzzzzzz00000007"] {
+            assert_eq!(time_of(other), None, "{other}");
+        }
+    }
 }

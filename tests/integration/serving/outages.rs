@@ -10,6 +10,7 @@ use super::Served;
 use super::front::rmem;
 use super::wire::Wire;
 use crate::mongod::{Mongod, admin};
+use crate::processes::until;
 
 type Killer = fn(&Path) -> Result<(), Failed>;
 
@@ -17,20 +18,22 @@ type Killer = fn(&Path) -> Result<(), Failed>;
 pub(crate) const KILLERS: &[(&str, Killer)] = &[
     ("serving::in_front_of_mongod::what_is_done_is_not_answered_as_to_be_repeated", answered),
     ("serving::in_front_of_mongod::what_cannot_be_recorded_is_done_once_and_recorded_later", recorded_later),
+    ("serving::in_front_of_mongod::a_recording_goes_on_whose_release_failed", released_in_vain),
+    ("serving::in_front_of_mongod::a_connection_lost_while_a_write_is_confirmed_is_no_failure", confirmed_again),
 ];
 
 /// Has the server fail these commands.
 fn fail(admin: &Database, command: &str, how: Document) -> Result<(), Failed> {
-    fail_behind(admin, 0, doc! { "failCommands": [command] }.into_iter().chain(how).collect())
+    fail_behind(admin, doc! { "skip": 0 }, doc! { "failCommands": [command] }.into_iter().chain(how).collect())
 }
 
 /// Has the server close the connection of queries of the collection, from the one behind the first few on.
 fn close_queries(admin: &Database, skip: i32) -> Result<(), Failed> {
-    fail_behind(admin, skip, doc! { "failCommands": ["find"], "namespace": "outages.c", "closeConnection": true })
+    let how = doc! { "failCommands": ["find"], "namespace": "outages.c", "closeConnection": true };
+    fail_behind(admin, doc! { "skip": skip }, how)
 }
 
-fn fail_behind(admin: &Database, skip: i32, data: Document) -> Result<(), Failed> {
-    let mode = doc! { "skip": skip };
+fn fail_behind(admin: &Database, mode: Document, data: Document) -> Result<(), Failed> {
     admin.run_command(doc! { "configureFailPoint": "failCommand", "mode": mode, "data": data }).run()?;
     Ok(())
 }
@@ -116,5 +119,69 @@ fn recorded_later(program: &Path) -> Result<(), Failed> {
     assert!(error.get_str("errmsg")?.contains("was made, but could not be recorded in the history"), "{answer}");
     let found = things.find_one(doc! { "_id": 1 }).run()?.ok_or("it is gone")?;
     assert!(found.get_i32("n")? == 5 && said.contains("oplog does not reach back"), "{said}");
+    Ok(())
+}
+
+/// Its name is free again once its lease is over.
+fn released_in_vain(program: &Path) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("rmem.toml"), "keep_history = '1h'\n")?;
+    let server = Mongod::failing(program)?;
+    let admin = admin(server.port)?;
+    let served = Served::start_memory(folder.path(), &server.uri, &["--listen", "127.0.0.1:0"])?;
+    let things = served.client()?.database("outages").collection::<Document>("c");
+    let behind = Client::with_uri_str(&server.uri)?.database("outages");
+    let (entries, names) =
+        (behind.collection::<Document>("rmem.history"), behind.collection::<Document>("rmem.watchers"));
+    things.insert_one(doc! { "_id": 0 }).run()?;
+    let is_held = || names.count_documents(doc! { "holder": { "$type": "string" } }).run();
+    // The release is the last of the updates of the name.
+    for skip in (0..8).rev() {
+        let how = doc! { "failCommands": ["update"], "namespace": "outages.rmem.watchers", "errorCode": 11_600 };
+        fail_behind(&admin, doc! { "skip": skip }, how)?;
+        things.insert_one(doc! { "skipped": skip }).run()?;
+        works_again(&admin)?;
+        if is_held()? > 0 {
+            break;
+        }
+    }
+    assert_eq!(is_held()?, 1, "no release failed");
+    things.insert_one(doc! { "_id": "last" }).run()?;
+    until("the changes are recorded", || {
+        things.update_one(doc! { "_id": 0 }, doc! { "$inc": { "n": 1 } }).run()?;
+        Ok(entries.count_documents(doc! { "document": "last", "by": { "$exists": true } }).run()? == 1)
+    })?;
+    assert_eq!(is_held()?, 0);
+    Ok(())
+}
+
+fn confirmed_again(program: &Path) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let server = Mongod::failing(program)?;
+    let admin = admin(server.port)?;
+    let served = Served::start_memory(folder.path(), &server.uri, &["--listen", "127.0.0.1:0"])?;
+    let mut wire = Wire::connect(served.address())?;
+    let mut insert = |id: i32, number: Option<i64>| {
+        let mut insert = doc! { "insert": "c", "documents": [{ "_id": id }], "$db": "outages" };
+        insert.extend(number.map(|number| ("txnNumber".to_owned(), number.into())));
+        insert.extend(number.map(|_| ("lsid".to_owned(), doc! { "id": bson::Uuid::new() }.into())));
+        wire.run(&insert)
+    };
+    insert(0, None)?;
+    // What is written behind a write to wait for its confirmation.
+    let lost = doc! { "failCommands": ["update"], "namespace": "outages.rmem.retries", "closeConnection": true };
+    fail_behind(&admin, doc! { "times": 1 }, lost.clone())?;
+    let answer = insert(1, None)?;
+    works_again(&admin)?;
+    assert!(answer.get_i32("n")? == 1 && !answer.contains_key("writeConcernError"), "{answer}");
+    // Where it does not come, a driver that can do so sends the write again.
+    for (id, number) in [(2, None), (3, Some(1))] {
+        fail_behind(&admin, doc! { "skip": 0 }, lost.clone())?;
+        let answer = insert(id, number)?;
+        works_again(&admin)?;
+        assert_eq!((answer.get_i32("n")?, answer.get_document("writeConcernError")?.get_i32("code")?), (1, 6));
+        let labels = answer.get_array("errorLabels").ok().cloned();
+        assert_eq!(labels, number.map(|_| vec!["RetryableWriteError".into()]), "{answer}");
+    }
     Ok(())
 }
