@@ -10,48 +10,29 @@
 //! document that has no date of its own. Of documents that have no room in an entry, or in an event of the server, the dates
 //! alone are kept.
 
-use std::collections::hash_map::Entry::Vacant;
-use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
-use bson::raw::RawBsonRef;
-use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, Timestamp, doc};
+use bson::{Bson, DateTime, Document, RawDocumentBuf, Timestamp, doc};
 use mongodb::sync::Collection;
 
+use super::entry::{Batch, ENTRIES, RECENT, Recent, dates};
 use super::keeping::Owed;
+use super::past::{BEGINNINGS, QUIET_TIME};
 use super::position::HISTORY;
 use super::{MongoDb, failure};
-use crate::query::{QueryError, key};
-use crate::saturate::to_i64;
-use crate::store::history::{Entry, History, HistoryRule, not_kept, too_old};
+use crate::store::history::{HistoryRule, not_kept};
 use crate::store::metadata::{INFO, INSERTED, UPDATED, info_path};
-use crate::store::{Change, ChangeKind, Changes, Documents, Find, Namespace, Next, Store as _, StoreError};
+use crate::store::{Change, Changes, Find, Namespace, Next, Store as _, StoreError};
 
-/// The collection of entries: `{_id, ns, operation, document, computed, time, before, after, dates, by, run}`.
-const ENTRIES: &str = "rmem.history";
-/// The collection that says since when the history of a collection is whole: `{_id, since}`.
-const BEGINNINGS: &str = "rmem.histories";
-/// The collection of the runs of which changes are not kept any more: `{_id: {ns, run}, at}`.
-const CUT_RUNS: &str = "rmem.cut_runs";
 /// How long one waits for one's own changes while no more of them come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long one waits for them while only changes of others come.
 const OTHERS_TIMEOUT: Duration = Duration::from_secs(10);
-/// How long no change may come until the history counts as read to its end.
-const QUIET_TIME: Duration = Duration::from_millis(300);
-/// Images of more bytes are left out: an entry is a document, which has at most 16 MiB.
-const LARGEST_IMAGES: usize = 15 << 20;
-/// So many changes are written at once.
-const BATCH: usize = 200;
-/// About so many bytes of documents.
-const BATCH_BYTES: usize = 8 << 20;
 /// So many changes of others are recorded at once while one waits for one's own, at most.
 const MOST_OF_OTHERS: u64 = 2_000;
 /// Of so many documents it is known which entries are the last ones.
 const MOST_KNOWN: usize = 100_000;
-/// So many of each document.
-const RECENT: usize = 16;
 
 /// Which changes a write made, as a filter on entries, and how many.
 pub(super) struct Made {
@@ -97,94 +78,19 @@ impl Made {
     }
 }
 
-/// What is to be written into the history.
-#[derive(Default)]
-struct Batch {
-    entries: Vec<Document>,
-    /// Statements that add the date of a change to its entry.
-    dates: Vec<Document>,
-    bytes: usize,
-    /// The last entries of each document, where they were recorded a moment ago.
-    last: HashMap<Vec<u8>, VecDeque<Recent>>,
-}
-
-/// An entry that the date of a change may belong to.
-struct Recent {
-    position: String,
-    updated: Option<DateTime>,
-    /// Whether the change wrote the date itself.
-    is_dated: bool,
-}
-
-impl Recent {
-    fn new(position: &str, [before, after]: [Option<&RawDocument>; 2]) -> Self {
-        let of = |image: Option<&RawDocument>| image.and_then(|image| dates(image).get_datetime(UPDATED).ok().copied());
-        let updated = of(after);
-        let is_dated = before.is_some() && updated.is_some() && updated != of(before);
-        Self { position: position.to_owned(), updated, is_dated }
-    }
-
-    /// Whether a date may belong to it: also where it was given it already, and the change of the date is read again.
-    fn takes(&self, date: Option<DateTime>) -> bool {
-        !self.is_dated || self.updated == date
-    }
-}
-
 /// A moment, by the server.
 #[derive(Clone, Copy)]
-struct Moment {
-    time: DateTime,
+pub(super) struct Moment {
+    pub(super) time: DateTime,
     /// Behind the last change that it had.
     position: Option<Timestamp>,
 }
 
 /// What was recorded of the changes of a collection.
-struct Caught {
+pub(super) struct Caught {
     count: u64,
     /// Up to which time of the server nothing is left, where that is known.
     reached: Option<Timestamp>,
-}
-
-impl Batch {
-    fn add(&mut self, ns: &Namespace, change: &Change) -> Result<(), QueryError> {
-        self.entries.push(entry(ns, change)?);
-        self.bytes +=
-            [&change.before, &change.after].into_iter().flatten().map(|image| image.as_bytes().len()).sum::<usize>();
-        if let Some(id) = &change.id {
-            let last = self.last.entry(key::encode_value(id)).or_default();
-            if last.len() == RECENT {
-                last.pop_front();
-            }
-            last.push_back(Recent::new(&change.position, [change.before.as_deref(), change.after.as_deref()]));
-        }
-        Ok(())
-    }
-
-    /// The entry of a document that a date belongs to, where it was recorded a moment ago.
-    fn take(&mut self, id: &Bson, updated: Option<DateTime>) -> Option<String> {
-        let last = self.last.get_mut(&key::encode_value(id))?;
-        let recent = last.iter_mut().rev().find(|recent| recent.takes(updated))?;
-        (recent.updated, recent.is_dated) = (updated, true);
-        Some(recent.position.clone())
-    }
-
-    /// Adds the date of the change that an entry is about.
-    fn add_date(&mut self, entry: &str, dated: &RawDocument) -> Result<(), QueryError> {
-        let statement = |has_images: bool, set: Document| {
-            let is_there = doc! { "$exists": has_images };
-            doc! { "q": { "_id": entry, "after": is_there }, "u": { "$set": set } }
-        };
-        if has_id(dated) {
-            self.bytes += dated.as_bytes().len();
-            self.dates.push(statement(true, doc! { "after": Document::try_from(dated)? }));
-        }
-        self.dates.push(statement(false, doc! { "dates": dates(dated) }));
-        Ok(())
-    }
-
-    fn is_full(&self) -> bool {
-        self.entries.len() + self.dates.len() >= BATCH || self.bytes >= BATCH_BYTES
-    }
 }
 
 /// While this lives, a write is being recorded; also where that panics, no longer.
@@ -204,7 +110,7 @@ impl Drop for Recording<'_> {
 }
 
 impl MongoDb {
-    fn keeping(&self) -> std::sync::MutexGuard<'_, super::keeping::Keeping> {
+    pub(super) fn keeping(&self) -> std::sync::MutexGuard<'_, super::keeping::Keeping> {
         self.keeping.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
@@ -239,19 +145,15 @@ impl MongoDb {
         self.rule(ns).is_some() && !self.keeping().is_recording
     }
 
-    fn rule(&self, ns: &Namespace) -> Option<HistoryRule> {
+    pub(super) fn rule(&self, ns: &Namespace) -> Option<HistoryRule> {
         HistoryRule::of(&self.keeping().rules, ns).cloned()
     }
 
-    fn entries(&self, ns: &Namespace) -> Collection<Document> {
+    pub(super) fn entries(&self, ns: &Namespace) -> Collection<Document> {
         self.client().database(&ns.database).collection(ENTRIES)
     }
 
-    fn cut_runs(&self, ns: &Namespace) -> Collection<Document> {
-        self.client().database(&ns.database).collection(CUT_RUNS)
-    }
-
-    fn beginnings(&self, ns: &Namespace) -> Collection<Document> {
+    pub(super) fn beginnings(&self, ns: &Namespace) -> Collection<Document> {
         self.client().database(&ns.database).collection(BEGINNINGS)
     }
 
@@ -340,7 +242,7 @@ impl MongoDb {
     }
 
     /// Now.
-    fn moment(&self) -> Result<Moment, StoreError> {
+    pub(super) fn moment(&self) -> Result<Moment, StoreError> {
         let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
         let hello = hello.map_err(|e| self.explain(&e))?;
         let behind = |last: Timestamp| Timestamp { increment: last.increment.saturating_add(1), ..last };
@@ -399,7 +301,7 @@ impl MongoDb {
 
     /// Records the changes that are there, and their dates, at most so many, where no more come for a while; where nothing was
     /// recorded before, those since a moment.
-    fn catch_up(
+    pub(super) fn catch_up(
         &self,
         ns: &Namespace,
         rule: &HistoryRule,
@@ -495,126 +397,6 @@ impl MongoDb {
         self.find(&place, &find)?.map(|found| found.map(entry)).collect()
     }
 
-    /// Lets go of entries that are too old or too many.
-    fn bound(&self, ns: &Namespace, rule: &HistoryRule) -> Result<(), StoreError> {
-        let oldest = self.oldest(rule)?;
-        let old = doc! { "ns": ns.to_string(), "time": { "$lt": oldest } };
-        if self.entries(ns).find_one(old.clone()).run().map_err(|e| self.explain(&e))?.is_some() {
-            self.remove_entries(ns, old)?;
-            // What was there when a run was noted is gone by now.
-            let gone = doc! { "_id.ns": ns.to_string(), "at": { "$lt": oldest } };
-            self.cut_runs(ns).delete_many(gone).run().map_err(|e| self.explain(&e))?;
-        }
-        let statistics = doc! { "collStats": ENTRIES };
-        let statistics = self.client().database(&ns.database).run_command(statistics).run();
-        let statistics = statistics.map_err(|e| self.explain(&e))?;
-        let number = |key: &str| match statistics.get(key) {
-            Some(Bson::Int32(number)) => u64::try_from(*number).unwrap_or_default(),
-            Some(Bson::Int64(number)) => u64::try_from(*number).unwrap_or_default(),
-            _ => 0,
-        };
-        if number("size") > rule.size { self.cut(ns, number("count") / 4 + 1) } else { Ok(()) }
-    }
-
-    /// Removes the oldest entries of a database.
-    fn cut(&self, ns: &Namespace, count: u64) -> Result<(), StoreError> {
-        let first = self.entries(ns).find(doc! {}).sort(doc! { "_id": 1 }).skip(count).limit(1).run();
-        let first = first.map_err(|e| self.explain(&e))?.next().transpose().map_err(|e| self.explain(&e))?;
-        let Some(first) = first else { return Ok(()) };
-        let (id, time) = (first.get("_id").cloned().unwrap_or(Bson::Null), first.get_datetime("time").copied());
-        if let Ok(time) = time {
-            let all = self.beginnings(ns).update_many(doc! {}, doc! { "$max": { "since": time } }).run();
-            all.map_err(|e| self.explain(&e))?;
-        }
-        self.remove_entries(ns, doc! { "_id": { "$lt": id } })
-    }
-
-    /// Notes the runs whose changes go, and then removes these.
-    fn remove_entries(&self, ns: &Namespace, entries: Document) -> Result<(), StoreError> {
-        let runs = [
-            doc! { "$match": { "$and": [&entries, { "run": { "$exists": true } }] } },
-            doc! { "$group": { "_id": { "ns": "$ns", "run": "$run" } } },
-            doc! { "$set": { "at": "$$NOW" } },
-            doc! { "$merge": { "into": CUT_RUNS, "whenMatched": "replace" } },
-        ];
-        self.entries(ns).aggregate(runs).run().map_err(|e| self.explain(&e))?;
-        self.entries(ns).delete_many(entries).run().map(drop).map_err(|e| self.explain(&e))
-    }
-
-    /// The runs of which the history of a collection has not all changes.
-    fn runs_cut(&self, ns: &Namespace, current: bool) -> Result<HashSet<i64>, StoreError> {
-        let place = Namespace { database: ns.database.clone(), collection: CUT_RUNS.to_owned() };
-        let find = Find { filter: doc! { "_id.ns": ns.to_string() }, current, ..Find::default() };
-        let run = |noted: RawDocumentBuf| noted.get_document("_id").ok()?.get_i64("run").ok();
-        self.find(&place, &find)?.filter_map(|noted| noted.map(run).transpose()).collect()
-    }
-
-    fn oldest(&self, rule: &HistoryRule) -> Result<DateTime, StoreError> {
-        let age = to_i64(rule.age.as_millis());
-        Ok(DateTime::from_millis(self.moment()?.time.timestamp_millis().saturating_sub(age)))
-    }
-
-    /// Since when the history of a collection is whole; nothing where none is kept.
-    fn beginning(&self, ns: &Namespace) -> Result<Option<DateTime>, StoreError> {
-        let found = self.beginnings(ns).find_one(doc! { "_id": &ns.collection }).run().map_err(|e| self.explain(&e))?;
-        let Some(since) = found.and_then(|found| found.get_datetime("since").ok().copied()) else { return Ok(None) };
-        match self.rule(ns) {
-            Some(rule) => Ok(Some(since.max(self.oldest(&rule)?))),
-            None => Ok(Some(since)),
-        }
-    }
-
-    pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
-        let Some(since) = self.beginning(ns)? else { return Ok(None) };
-        if let Some(rule) = self.rule(ns) {
-            self.catch_up(ns, &rule, &mut Batch::default(), (QUIET_TIME, u64::MAX), None)?;
-        }
-        // What was written a moment ago is a part of it; the other members may be behind the primary.
-        let current = self.rule(ns).is_some();
-        let after = after.unwrap_or(DateTime::from_millis(i64::MIN));
-        let filter = doc! { "ns": ns.to_string(), "time": { "$gt": after }, "computed": { "$ne": true } };
-        let place = Namespace { database: ns.database.clone(), collection: ENTRIES.to_owned() };
-        let find = Find { filter, sort: doc! { "_id": 1 }, current, ..Find::default() };
-        let found: Documents<'_> = self.find(&place, &find)?;
-        let entries = found.map(|document| read(&document?).map_err(StoreError::from));
-        Ok(Some(History { since, cut_runs: self.runs_cut(ns, current)?, entries: Box::new(entries) }))
-    }
-
-    pub(super) fn rewound(&self, ns: &Namespace, at: DateTime) -> Result<Vec<RawDocumentBuf>, StoreError> {
-        // The documents first: what is changed from here on is in the history.
-        let now: Vec<RawDocumentBuf> =
-            self.find(ns, &Find { current: self.rule(ns).is_some(), ..Find::default() })?.collect::<Result<_, _>>()?;
-        let history = self.past(ns, Some(at))?.ok_or_else(|| not_kept(ns, &self.keeping().rules))?;
-        if at < history.since {
-            return Err(too_old(ns, at, history.since));
-        }
-        let (mut changed, mut order) = (HashMap::new(), Vec::new());
-        for entry in history.entries {
-            let change = entry?.change;
-            let (Some(id), true) = (&change.id, change.kind != ChangeKind::Drop) else {
-                return Err(too_old(ns, at, change.time));
-            };
-            if change.before.is_none() && change.kind != ChangeKind::Insert {
-                return Err(too_old(ns, at, change.time));
-            }
-            let key = key::encode_value(id);
-            if let Vacant(first) = changed.entry(key) {
-                order.push(first.key().clone());
-                first.insert(change.before);
-            }
-        }
-        let mut documents = Vec::with_capacity(now.len());
-        for document in now {
-            match changed.remove(&id_key(&document)?) {
-                None if !is_computed(&document) => documents.push(document),
-                None => {}
-                Some(before) => documents.extend(before),
-            }
-        }
-        documents.extend(order.iter().filter_map(|key| changed.remove(key).flatten()));
-        Ok(documents)
-    }
-
     /// Records what all clients change, until `stop`; returns how many changes.
     pub(super) fn record_all(
         &self,
@@ -663,73 +445,6 @@ fn next_time(from: i64) -> i64 {
 
 fn name(ns: &Namespace) -> String {
     format!("{HISTORY}{}", ns.collection)
-}
-
-fn is_computed(document: &RawDocument) -> bool {
-    crate::store::metadata::is_computed(document).unwrap_or(false)
-}
-
-fn id_key(document: &RawDocument) -> Result<Vec<u8>, QueryError> {
-    Ok(document.get("_id")?.map(key::encode).unwrap_or_default())
-}
-
-/// A change as it is written.
-fn entry(ns: &Namespace, change: &Change) -> Result<Document, QueryError> {
-    let mut entry =
-        doc! { "_id": &change.position, "ns": ns.to_string(), "operation": change.kind.name(), "time": change.time };
-    entry.extend(change.id.clone().map(|id| ("document".to_owned(), id)));
-    if change.after.as_deref().or(change.before.as_deref()).is_some_and(is_computed) {
-        entry.insert("computed", true);
-    }
-    let size = |image: &Option<RawDocumentBuf>| image.as_ref().map_or(0, |image| image.as_bytes().len());
-    // Of what had no room in an event, the metadata is there.
-    let is_whole = change.after.as_deref().is_none_or(has_id);
-    if !is_whole || size(&change.before) + size(&change.after) > LARGEST_IMAGES {
-        entry.extend(change.after.as_deref().map(|after| ("dates".to_owned(), dates(after).into())));
-    } else {
-        for (key, image) in [("before", &change.before), ("after", &change.after)] {
-            if let Some(image) = image {
-                entry.insert(key, Document::try_from(&**image)?);
-            }
-        }
-    }
-    Ok(entry)
-}
-
-fn has_id(document: &RawDocument) -> bool {
-    matches!(document.get("_id"), Ok(Some(_)))
-}
-
-/// When a document was inserted and changed, as its metadata says.
-fn dates(document: &RawDocument) -> Document {
-    let Ok(info) = document.get_document(INFO) else { return Document::new() };
-    let date = |key: &str| info.get_datetime(key).ok().map(|date| (key.to_owned(), date.into()));
-    [INSERTED, UPDATED].into_iter().filter_map(date).collect()
-}
-
-/// An entry as it was written.
-fn read(document: &RawDocument) -> Result<Entry, QueryError> {
-    let image = |key: &str| match document.get(key) {
-        Ok(Some(RawBsonRef::Document(image))) => Ok(Some(image.to_owned())),
-        Ok(_) => Ok(None),
-        Err(error) => Err(QueryError::from(error)),
-    };
-    let text = |key: &str| document.get_str(key).ok().map(str::to_owned);
-    let operation = text("operation").unwrap_or_default();
-    use ChangeKind::{Delete, Drop, Insert, Replace, Update};
-    let kind = [Insert, Update, Replace, Delete, Drop].into_iter().find(|kind| kind.name() == operation);
-    let id = document.get("document")?.map(Bson::try_from).transpose()?;
-    let time = document.get_datetime("time").unwrap_or(DateTime::from_millis(0));
-    let change = Change {
-        kind: kind
-            .ok_or_else(|| QueryError::bad_value(format!("an entry of {ENTRIES} has the operation `{operation}`")))?,
-        id,
-        before: image("before")?,
-        after: image("after")?,
-        time,
-        position: text("_id").unwrap_or_default(),
-    };
-    Ok(Entry { change, dropped: false, author: text("by"), run: document.get_i64("run").ok(), collation: None })
 }
 
 #[cfg(test)]
