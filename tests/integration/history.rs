@@ -16,7 +16,7 @@ use crate::processes::until;
 type Case = fn(&str) -> Result<(), Failed>;
 
 /// What is tried on the one server, by its address.
-pub(crate) const CASES: [(&str, Case); 10] = [
+pub(crate) const CASES: [(&str, Case); 13] = [
     ("history::mongodb::own_writes_are_signed_and_those_of_others_are_recorded", written_by_all),
     ("history::mongodb::the_memory_is_read_as_it_was_and_changes_are_taken_back", read_and_undone),
     ("history::mongodb::record_keeps_the_history_while_it_runs", recorded),
@@ -27,6 +27,9 @@ pub(crate) const CASES: [(&str, Case); 10] = [
     ("history::mongodb::a_history_begins_again_behind_a_database_that_was_dropped", begun_again),
     ("history::mongodb::what_is_written_at_the_same_moment_is_signed_by_its_own_author", at_the_same_moment),
     ("history::mongodb::a_date_belongs_to_a_change_that_has_none", dated_by_itself),
+    ("history::mongodb::changes_of_others_behind_an_own_one_are_not_signed", behind_own),
+    ("history::mongodb::what_is_put_over_another_is_signed", put_over),
+    ("history::mongodb::the_past_is_read_while_others_write", read_while_written),
 ];
 
 fn ns(name: &str) -> Namespace {
@@ -207,6 +210,8 @@ fn among_others(uri: &str) -> Result<(), Failed> {
         let work = || -> Result<(), Failed> {
             for n in 1..4 {
                 memory.update(&ns, &set(doc! { "_id": 2 }, doc! { "n": n }, false))?;
+                // The history is read to its end, though more comes all the time.
+                assert!(entries(&memory, &ns)?.len() > 2);
             }
             assert!(Instant::now() < until, "the writes waited until the others stopped");
             Ok(())
@@ -324,4 +329,76 @@ fn dated_by_itself(uri: &str) -> Result<(), Failed> {
         updates.iter().map(|entry| entry.get_document("after")?.get_document("_robmem_info")?.get_datetime("updated"));
     assert_eq!(dates.collect::<Result<Vec<_>, _>>()?, [&first, &second]);
     Ok(())
+}
+
+fn behind_own(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("behind"), memory(uri, "rmem test")?);
+    let other = Client::with_uri_str(uri)?.database(&ns.database).collection::<Document>(&ns.collection);
+    memory.insert(&ns, vec![doc! { "_id": 1, "own": 0, "others": 0 }])?;
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| -> Result<(), Failed> {
+        let busy = scope.spawn(|| -> Result<(), mongodb::error::Error> {
+            while !is_over.load(Ordering::Relaxed) {
+                other.update_one(doc! { "_id": 1 }, doc! { "$inc": { "others": 1 } }).run()?;
+                other.insert_one(doc! { "_id": 2 }).run()?;
+                other.delete_one(doc! { "_id": 2 }).run()?;
+            }
+            Ok(())
+        });
+        let work = || -> Result<(), Failed> {
+            for n in 1..=12 {
+                memory.update(&ns, &set(doc! { "_id": 1 }, doc! { "own": n }, false))?;
+            }
+            Ok(())
+        };
+        let done = work();
+        is_over.store(true, Ordering::Relaxed);
+        busy.join().map_err(|_| "the other client failed")??;
+        done
+    })?;
+    let found = entries(&memory, &ns)?;
+    let signed = found.iter().filter(|entry| entry.starts_with(r#""rmem test" "update""#)).count();
+    assert_eq!(signed, 12, "{found:#?}");
+    Ok(())
+}
+
+fn put_over(uri: &str) -> Result<(), Failed> {
+    let (ns, memory) = (ns("put"), memory(uri, "rmem test")?);
+    memory.put(&ns, vec![doc! { "_id": 1, "n": 1 }, doc! { "_id": 2, "n": 1 }])?;
+    memory.sign("the second");
+    let put = memory.put(&ns, vec![doc! { "_id": 1, "n": 2 }, doc! { "_id": 2, "n": 1 }, doc! { "_id": 3, "n": 2 }])?;
+    assert_eq!((put.inserted, put.replaced, put.same), (1, 1, 1));
+    let second = entries(&memory, &ns)?.split_off(2);
+    let wanted = [
+        r#""the second" "replace" 1 { "_id": 1, "n": 1 } { "_id": 1, "n": 2 }"#,
+        r#""the second" "insert" 3 - { "_id": 3, "n": 2 }"#,
+    ];
+    assert_eq!(second, wanted);
+    Ok(())
+}
+
+fn read_while_written(uri: &str) -> Result<(), Failed> {
+    let (ns, writing) = (ns("written"), memory(uri, "rmem test")?);
+    writing.insert(&ns, (0..3).map(|id| doc! { "_id": id }).collect())?;
+    std::thread::sleep(Duration::from_millis(20));
+    let time = DateTime::now();
+    std::thread::sleep(Duration::from_millis(20));
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| -> Result<(), Failed> {
+        let busy = scope.spawn(|| -> Result<(), Failed> {
+            let writing = memory(uri, "rmem test")?;
+            while !is_over.load(Ordering::Relaxed) {
+                writing.insert(&ns, vec![doc! {}])?;
+            }
+            Ok(())
+        });
+        let read = || -> Result<Vec<u64>, Failed> {
+            (0..8).map(|_| Ok(memory(uri, "rmem test")?.as_of(time)?.count(&ns, &doc! {})?)).collect()
+        };
+        let counts = read();
+        is_over.store(true, Ordering::Relaxed);
+        busy.join().map_err(|_| "the other one failed")??;
+        assert_eq!(counts?, [3; 8]);
+        Ok(())
+    })
 }

@@ -7,7 +7,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 
 use crate::query::{QueryError, key};
 use crate::store::history::Entry;
-use crate::store::metadata::{self, INFO, INSERTED, UPDATED};
+use crate::store::metadata::{self, INFO, INSERTED, UPDATED, info_path};
 use crate::store::{Change, ChangeKind, Namespace};
 
 /// The collection of entries: `{_id, ns, operation, document, computed, time, before, after, dates, by, run}`.
@@ -78,17 +78,15 @@ impl Batch {
     }
 
     /// Adds the date of the change that an entry is about.
-    pub(super) fn add_date(&mut self, entry: &str, dated: &RawDocument) -> Result<(), QueryError> {
+    pub(super) fn add_date(&mut self, entry: &str, dated: &RawDocument) {
         let statement = |has_images: bool, set: Document| {
             let is_there = doc! { "$exists": has_images };
             doc! { "q": { "_id": entry, "after": is_there }, "u": { "$set": set } }
         };
-        if has_id(dated) {
-            self.bytes += dated.as_bytes().len();
-            self.dates.push(statement(true, doc! { "after": Document::try_from(dated)? }));
-        }
-        self.dates.push(statement(false, doc! { "dates": dates(dated) }));
-        Ok(())
+        let dates = dates(dated);
+        let image = |(key, date): (&String, &Bson)| (format!("after.{}", info_path(key)), date.clone());
+        self.dates.push(statement(true, dates.iter().map(image).collect()));
+        self.dates.push(statement(false, doc! { "dates": dates }));
     }
 
     pub(super) fn is_full(&self) -> bool {

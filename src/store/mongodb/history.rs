@@ -20,7 +20,9 @@ use super::entry::{Batch, ENTRIES, RECENT, Recent, dates};
 use super::keeping::Owed;
 use super::past::{BEGINNINGS, QUIET_TIME};
 use super::position::HISTORY;
+use super::watch::{Stream, time_of};
 use super::{MongoDb, failure};
+use crate::saturate::to_i64;
 use crate::store::history::{HistoryRule, not_kept};
 use crate::store::metadata::{INFO, INSERTED, UPDATED, info_path};
 use crate::store::{Change, Changes, Find, Namespace, Next, Store as _, StoreError};
@@ -29,6 +31,8 @@ use crate::store::{Change, Changes, Find, Namespace, Next, Store as _, StoreErro
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long one waits for them while only changes of others come.
 const OTHERS_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often a process that records all changes says how far it is, where none come.
+const TELLING_INTERVAL: Duration = Duration::from_secs(1);
 /// So many changes of others are recorded at once while one waits for one's own, at most.
 const MOST_OF_OTHERS: u64 = 2_000;
 /// Of so many documents it is known which entries are the last ones.
@@ -52,9 +56,10 @@ impl Made {
     /// What was changed or inserted with this date; of what was inserted, the documents with these `_id`s, where they are known.
     pub(super) fn dated(count: u64, at: Option<DateTime>, inserted: Option<&[Bson]>) -> Self {
         let Some(at) = at else { return Self { count, filter: Document::new(), is_exact: false } };
+        // A date that was there before is that of an earlier change.
         let dated = |key: &str| {
-            let paths = [format!("after.{}", info_path(key)), format!("dates.{key}")];
-            paths.into_iter().map(|path| doc! { path: at }).collect::<Vec<_>>()
+            let path = |image: &str| format!("{image}.{}", info_path(key));
+            vec![doc! { path("after"): at, path("before"): { "$ne": at } }, doc! { format!("dates.{key}"): at }]
         };
         // Others may have inserted something at the same time.
         let mut inserts = doc! { "operation": "insert", "$or": dated(INSERTED) };
@@ -83,14 +88,28 @@ impl Made {
 pub(super) struct Moment {
     pub(super) time: DateTime,
     /// Behind the last change that it had.
-    position: Option<Timestamp>,
+    pub(super) position: Option<Timestamp>,
+}
+
+/// Which changes of a collection are to be recorded.
+#[derive(Clone, Copy)]
+pub(super) struct Part {
+    /// How long no change may come until they count as read to their end.
+    pub(super) lull: Duration,
+    /// So many at most.
+    pub(super) most: u64,
+    /// Where nothing was recorded before: since when.
+    pub(super) since: Option<Moment>,
+    /// Those before a time of the server, where that is known.
+    pub(super) until: Option<Timestamp>,
 }
 
 /// What was recorded of the changes of a collection.
+#[derive(Default)]
 pub(super) struct Caught {
     count: u64,
-    /// Up to which time of the server nothing is left, where that is known.
-    reached: Option<Timestamp>,
+    /// Whether nothing is left of what was asked for.
+    pub(super) is_whole: bool,
 }
 
 /// While this lives, a write is being recorded; also where that panics, no longer.
@@ -167,6 +186,7 @@ impl MongoDb {
     ) -> Result<T, StoreError> {
         let Some(rule) = self.rule(ns).filter(|_| !self.keeping().is_recording) else { return work() };
         self.begin(ns)?;
+        let since = Instant::now();
         let start = self.moment()?;
         let mut owed = Owed::take(&self.address, ns);
         let recording = Recording::begin(self);
@@ -175,7 +195,7 @@ impl MongoDb {
         let made = made(done.as_ref());
         let may_be_made = matches!(done, Err(StoreError::Unreachable { may_be_done: true, .. }));
         if made.count > 0 || may_be_made {
-            owed.push(self.signature(ns, &made, start.time));
+            owed.push(self.signature(ns, &made, (start.time, since.elapsed()))?);
         }
         let recorded = self.record_own(ns, &rule, (made.count, start), &mut owed);
         // Those whose changes are not recorded yet.
@@ -200,13 +220,18 @@ impl MongoDb {
         Ok(())
     }
 
-    /// How the changes of a write are signed that began at a time.
-    fn signature(&self, ns: &Namespace, made: &Made, start: DateTime) -> Owed {
+    /// How the changes of a write are signed that began at a time, and took so long at most.
+    fn signature(&self, ns: &Namespace, made: &Made, (start, took): (DateTime, Duration)) -> Result<Owed, StoreError> {
+        let start = start.timestamp_millis();
+        let end = start.saturating_add(to_i64(took.as_millis())).saturating_add(1);
+        // Changes of older servers have the time in seconds.
+        let start = if self.takes_identities()? { start } else { start - start.rem_euclid(1_000) };
+        let times = doc! { "$gte": DateTime::from_millis(start), "$lte": DateTime::from_millis(end) };
         let mut entries = made.filter.clone();
-        entries.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": { "$gte": start } });
+        entries.extend(doc! { "ns": ns.to_string(), "by": { "$exists": false }, "time": times });
         let keeping = self.keeping();
         let signature = doc! { "$set": { "by": &keeping.author, "run": keeping.run } };
-        Owed { address: self.address.clone(), namespace: ns.clone(), entries, signature, is_exact: made.is_exact }
+        Ok(Owed { address: self.address.clone(), namespace: ns.clone(), entries, signature, is_exact: made.is_exact })
     }
 
     /// Makes the watch of a collection, before the first change that it is to record.
@@ -221,24 +246,24 @@ impl MongoDb {
             Err(StoreError::Held { .. }) => known.is_some(),
             Err(error) => return Err(error),
         };
-        if !is_known {
-            self.begin_at(ns, self.moment()?.time)?;
+        let since = if is_known { None } else { Some(self.moment()?.time) };
+        self.begin_at(ns, since)?;
+        self.keeping().begun.insert(ns.clone());
+        Ok(())
+    }
+
+    /// Makes the indexes of entries, and where the history of a collection begins, notes that it is whole since a time.
+    fn begin_at(&self, ns: &Namespace, since: Option<DateTime>) -> Result<(), StoreError> {
+        if let Some(since) = since {
+            let (own, set) = (doc! { "_id": &ns.collection }, doc! { "$max": { "since": since } });
+            self.beginnings(ns).update_one(own, set).upsert(true).run().map_err(|e| self.explain(&e))?;
         }
         let indexes = [
             doc! { "key": { "ns": 1, "_id": 1 }, "name": "ns_1__id_1" },
             doc! { "key": { "ns": 1, "time": 1 }, "name": "ns_1_time_1" },
         ];
         let indexes = doc! { "createIndexes": ENTRIES, "indexes": indexes.to_vec() };
-        self.client().database(&ns.database).run_command(indexes).run().map_err(|e| self.explain(&e))?;
-        self.keeping().begun.insert(ns.clone());
-        Ok(())
-    }
-
-    /// Notes that the history of a collection is whole since a time.
-    fn begin_at(&self, ns: &Namespace, since: DateTime) -> Result<(), StoreError> {
-        let set = doc! { "$max": { "since": since } };
-        let own = doc! { "_id": &ns.collection };
-        self.beginnings(ns).update_one(own, set).upsert(true).run().map(drop).map_err(|e| self.explain(&e))
+        self.client().database(&ns.database).run_command(indexes).run().map(drop).map_err(|e| self.explain(&e))
     }
 
     /// Now.
@@ -266,17 +291,16 @@ impl MongoDb {
         let end = self.moment()?.position;
         let (begun, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
         let (mut progress, mut is_read) = (begun, false);
-        // Where others write meanwhile, more and more is taken at once, so as to come by them.
-        let mut most = count;
+        let mut part = Part { lull: Duration::from_millis(50), most: count, since: Some(start), until: end };
         while signed < count && !is_read && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, &mut batch, (Duration::from_millis(50), most), Some(start))?;
+            let recorded = self.catch_up(ns, rule, &mut batch, part)?;
             if recorded.count == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
-            most = most.max((most * 2).min(MOST_OF_OTHERS));
-            // Of the time of the last change there may be more, until a later one is reached.
-            is_read = recorded.reached.zip(end).is_some_and(|(reached, end)| reached >= end);
+            // Where others write meanwhile, more and more is taken at once, so as to come by them.
+            part.most = part.most.max((part.most * 2).min(MOST_OF_OTHERS));
+            is_read = recorded.is_whole;
             let more = self.sign_entries(ns, own)?;
             signed += more;
             if more > 0 || (recorded.count > 0 && begun.elapsed() < OTHERS_TIMEOUT) {
@@ -299,47 +323,70 @@ impl MongoDb {
         Ok(signed.map_err(|e| self.explain(&e))?.modified_count)
     }
 
-    /// Records the changes that are there, and their dates, at most so many, where no more come for a while; where nothing was
-    /// recorded before, those since a moment.
+    /// Records a part of the changes, and their dates. While another process does so, nothing is recorded.
     pub(super) fn catch_up(
         &self,
         ns: &Namespace,
         rule: &HistoryRule,
         batch: &mut Batch,
-        (lull, most): (Duration, u64),
-        since: Option<Moment>,
+        part: Part,
     ) -> Result<Caught, StoreError> {
-        let mut changes = match self.follow_for_history(ns, &name(ns), since.and_then(|since| since.position)) {
-            Ok(changes) => changes,
-            Err(StoreError::Held { .. }) => return Ok(Caught { count: 0, reached: None }),
-            Err(error) => return Err(error),
-        };
+        match self.follow_for_history(ns, &name(ns), part.since.and_then(|since| since.position)) {
+            Ok(changes) => match self.record_part(ns, batch, changes, part) {
+                // The database was dropped meanwhile, or another process has taken over.
+                Err(StoreError::Held { .. }) => Ok(Caught::default()),
+                caught => {
+                    let caught = caught?;
+                    if caught.count > 0 {
+                        self.bound(ns, rule)?;
+                    }
+                    Ok(caught)
+                }
+            },
+            Err(StoreError::Held { .. }) => Ok(Caught::default()),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn record_part(
+        &self,
+        ns: &Namespace,
+        batch: &mut Batch,
+        mut changes: Stream<'_>,
+        Part { lull, most, since, until }: Part,
+    ) -> Result<Caught, StoreError> {
+        *batch = Batch::default();
         if changes.is_new() {
             // The database was dropped, and the history with it.
             let since = since.map_or_else(|| self.moment(), Ok)?;
-            self.begin_at(ns, since.time)?;
+            self.begin_at(ns, Some(since.time))?;
         }
-        // Others may have recorded later changes since.
-        batch.last.clear();
-        let mut count = 0;
-        while count < most {
-            match changes.next(lull)? {
-                Next::Change(change) => batch.add(ns, &change)?,
+        let (mut count, mut is_whole) = (0, false);
+        while count < most && !is_whole {
+            let reached = match changes.next(lull)? {
+                Next::Change(change) => {
+                    batch.add(ns, &change)?;
+                    time_of(&change.position)
+                }
                 Next::Nothing | Next::Interrupted(_) => match changes.take_date() {
-                    Some(date) => self.date(ns, &date, batch)?,
-                    None => break,
+                    Some(date) => {
+                        self.date(ns, &date, batch)?;
+                        time_of(&date.position)
+                    }
+                    None => {
+                        is_whole = is_behind(changes.reached(), until);
+                        break;
+                    }
                 },
-            }
+            };
             count += 1;
+            is_whole = is_behind(reached, until);
             if batch.is_full() {
                 self.keep(ns, batch, &mut changes)?;
             }
         }
         self.keep(ns, batch, &mut changes)?;
-        if count > 0 {
-            self.bound(ns, rule)?;
-        }
-        Ok(Caught { count, reached: changes.reached() })
+        Ok(Caught { count, is_whole })
     }
 
     /// Writes entries, and that they are written.
@@ -373,7 +420,10 @@ impl MongoDb {
                 self.recent(ns, id, &date.position)?.into_iter().find(|entry| entry.takes(updated)).map(|e| e.position)
             }
         };
-        Ok(entry.map_or(Ok(()), |entry| batch.add_date(&entry, dated))?)
+        if let Some(entry) = entry {
+            batch.add_date(&entry, dated);
+        }
+        Ok(())
     }
 
     /// The last entries of a document before a position, the last one first.
@@ -405,14 +455,35 @@ impl MongoDb {
         begun: &mut dyn FnMut(),
     ) -> Result<u64, StoreError> {
         let rule = self.rule(ns).ok_or_else(|| not_kept(ns, &[]))?;
-        self.begin(ns)?;
-        let mut changes = self.follow_for_history(ns, &name(ns), None)?;
-        begun();
-        let (mut total, mut looked, mut batch) = (0, Instant::now(), Batch::default());
+        let (mut total, mut is_begun) = (0, false);
+        while !stop.load(Ordering::Relaxed) {
+            self.begin(ns)?;
+            let changes = self.follow_for_history(ns, &name(ns), None)?;
+            if !std::mem::replace(&mut is_begun, true) {
+                begun();
+            }
+            match self.record_until(ns, &rule, changes, stop, &mut total) {
+                // The database was dropped, and the history with it, or another process has taken over, which following says.
+                Err(StoreError::Held { .. }) => self.keeping().begun.remove(ns),
+                recorded => return recorded.map(|()| total),
+            };
+        }
+        Ok(total)
+    }
+
+    fn record_until(
+        &self,
+        ns: &Namespace,
+        rule: &HistoryRule,
+        mut changes: Stream<'_>,
+        stop: &AtomicBool,
+        total: &mut u64,
+    ) -> Result<(), StoreError> {
+        let (mut looked, mut told, mut batch) = (Instant::now(), Instant::now(), Batch::default());
         while !stop.load(Ordering::Relaxed) {
             match changes.next(QUIET_TIME)? {
                 Next::Change(change) => {
-                    total += 1;
+                    *total += 1;
                     batch.add(ns, &change)?;
                     self.keep(ns, &mut batch, &mut changes)?;
                 }
@@ -420,18 +491,21 @@ impl MongoDb {
                     if let Some(date) = changes.take_date() {
                         self.date(ns, &date, &mut batch)?;
                         self.keep(ns, &mut batch, &mut changes)?;
+                    } else if told.elapsed() >= TELLING_INTERVAL {
+                        // Those who read the history wait for that.
+                        changes.done()?;
+                        told = Instant::now();
                     }
                 }
                 // The next call connects again.
                 Next::Interrupted(_) => std::thread::sleep(QUIET_TIME),
             }
             if looked.elapsed() > Duration::from_secs(10) {
-                self.bound(ns, &rule)?;
+                self.bound(ns, rule)?;
                 looked = Instant::now();
             }
         }
-        changes.done()?;
-        Ok(total)
+        changes.done()
     }
 }
 
@@ -443,7 +517,13 @@ fn next_time(from: i64) -> i64 {
     next(last.unwrap_or_else(|last| last)).unwrap_or(from)
 }
 
-fn name(ns: &Namespace) -> String {
+/// Whether a time of the server is reached, where both are known.
+pub(super) fn is_behind(reached: Option<Timestamp>, until: Option<Timestamp>) -> bool {
+    reached.zip(until).is_some_and(|(reached, until)| reached >= until)
+}
+
+/// The name by which a collection is recorded.
+pub(super) fn name(ns: &Namespace) -> String {
     format!("{HISTORY}{}", ns.collection)
 }
 

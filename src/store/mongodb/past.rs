@@ -2,13 +2,15 @@
 
 use std::collections::hash_map::Entry::Vacant;
 use std::collections::{HashMap, HashSet};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
 use mongodb::sync::Collection;
 
 use super::MongoDb;
+use super::attempts::check_going_on;
 use super::entry::{Batch, ENTRIES, id_key, is_computed, read};
+use super::history::{Part, is_behind};
 use crate::query::key;
 use crate::saturate::to_i64;
 use crate::store::history::{History, HistoryRule, not_kept, too_old};
@@ -18,6 +20,8 @@ use crate::store::{ChangeKind, Documents, Find, Namespace, Store as _, StoreErro
 pub(super) const BEGINNINGS: &str = "rmem.histories";
 /// The collection of the runs of which changes are not kept any more: `{_id: {ns, run}, at}`.
 const CUT_RUNS: &str = "rmem.cut_runs";
+/// How long one waits while another process records: longer than the lease of one that was lost.
+const OTHERS_TIMEOUT: Duration = Duration::from_secs(20);
 /// How long no change may come until the history counts as read to its end.
 pub(super) const QUIET_TIME: Duration = Duration::from_millis(300);
 
@@ -95,10 +99,26 @@ impl MongoDb {
         }
     }
 
+    /// Records all changes that were made before; waits where another process does.
+    fn catch_up_whole(&self, ns: &Namespace, rule: &HistoryRule) -> Result<(), StoreError> {
+        let (begun, until) = (Instant::now(), self.moment()?.position);
+        let part = Part { lull: QUIET_TIME, most: u64::MAX, since: None, until };
+        while begun.elapsed() < OTHERS_TIMEOUT {
+            let caught = self.catch_up(ns, rule, &mut Batch::default(), part)?;
+            if caught.is_whole || until.is_none() || is_behind(self.recorded_until(ns)?, until) {
+                return Ok(());
+            }
+            check_going_on(0)?;
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let what = format!("another process records the changes of {ns}, and is behind; try again");
+        Err(StoreError::Held { what })
+    }
+
     pub(super) fn past(&self, ns: &Namespace, after: Option<DateTime>) -> Result<Option<History<'_>>, StoreError> {
         let Some(since) = self.beginning(ns)? else { return Ok(None) };
         if let Some(rule) = self.rule(ns) {
-            self.catch_up(ns, &rule, &mut Batch::default(), (QUIET_TIME, u64::MAX), None)?;
+            self.catch_up_whole(ns, &rule)?;
         }
         // What was written a moment ago is a part of it; the other members may be behind the primary.
         let current = self.rule(ns).is_some();

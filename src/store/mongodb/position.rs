@@ -7,11 +7,12 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document, doc};
+use bson::{Bson, Document, Timestamp, doc};
 use mongodb::change_stream::event::ResumeToken;
 use mongodb::sync::Collection;
 
-use super::{MongoDb, failure};
+use super::watch::time_of;
+use super::{MongoDb, failure, history};
 use crate::process::holder::{Holder, Life};
 use crate::store::watch::Name;
 use crate::store::{Namespace, Store as _, StoreError};
@@ -154,6 +155,15 @@ impl MongoDb {
 }
 
 impl MongoDb {
+    /// Up to which time of the server the changes of a collection are recorded, where that is known.
+    pub(super) fn recorded_until(&self, ns: &Namespace) -> Result<Option<Timestamp>, StoreError> {
+        let place = Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() };
+        let names: Collection<Document> = self.on_primary(&place);
+        let found = names.find_one(doc! { "_id": history::name(ns) }).run().map_err(|e| self.explain(&e))?;
+        let token = found.as_ref().and_then(|found| found.get_document("token").ok()?.get_str("_data").ok());
+        Ok(token.and_then(time_of))
+    }
+
     /// The names, with the process that follows each.
     pub(super) fn watch_names(&self) -> Result<Vec<Name>, StoreError> {
         let mut names = Vec::new();

@@ -1,10 +1,12 @@
 //! The operations of [`Store`], each one call of the driver.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use bson::{Bson, DateTime, Document, RawDocumentBuf, doc};
+use bson::raw::cstr;
+use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
@@ -28,6 +30,9 @@ use crate::store::{
 
 /// How many removed documents are known by their `_id`s, at most.
 const MOST_KNOWN: usize = 10_000;
+
+/// The same where each is named by a long condition, in a request with a collation.
+const MOST_CONDITIONS: usize = 500;
 
 /// A limit of time that is less is near.
 const NEAR: Duration = Duration::from_secs(10);
@@ -146,14 +151,22 @@ impl Store for MongoDb {
         timestamp: Option<DateTime>,
     ) -> Result<Modified, StoreError> {
         let timestamp = self.time_of_change(ns, timestamp);
+        let mut asked = Cow::Borrowed(request);
+        // Which document was removed is known by its `_id`, also where the client does not ask for that.
+        let hides_id = matches!(request.modification, Modification::Remove)
+            && request.projection.get("_id").is_some_and(is_left_out)
+            && self.records(ns);
+        if hides_id {
+            asked.to_mut().projection.remove("_id");
+        }
         let made = |done: Result<&Modified, &StoreError>| {
             let count = done.map_or(0, |done| u64::from(done.is_changed));
             match request.modification {
+                // It is not known which document it was.
+                Modification::Remove if asked.projection.contains_key("_id") => Made::unknown(),
                 Modification::Remove => {
                     let removed = done.ok().and_then(|done| done.document.as_ref());
-                    // A projection may leave it out.
-                    let has_id = removed.filter(|document| matches!(document.get("_id"), Ok(Some(_))));
-                    let id = has_id.and_then(|document| named::id_of(document).ok());
+                    let id = removed.and_then(|document| named::id_of(document).ok());
                     Made::removals(count, id.as_slice())
                 }
                 Modification::Update { .. } => {
@@ -161,7 +174,11 @@ impl Store for MongoDb {
                 }
             }
         };
-        self.recorded(ns, made, || self.modify_first(ns, request, timestamp))
+        let mut done = self.recorded(ns, made, || self.modify_first(ns, &asked, timestamp))?;
+        if hides_id && let Some(document) = &mut done.document {
+            *document = without_id(document)?;
+        }
+        Ok(done)
     }
 
     fn delete(&self, ns: &Namespace, query: Query<'_>, first_only: bool) -> Result<u64, StoreError> {
@@ -322,6 +339,22 @@ impl Store for MongoDb {
     fn describe(&self) -> String {
         self.address.clone()
     }
+}
+
+/// Whether the value of a projection leaves a field out.
+fn is_left_out(value: &Bson) -> bool {
+    matches!(value, Bson::Int32(0) | Bson::Int64(0) | Bson::Boolean(false)) || value.as_f64() == Some(0.0)
+}
+
+fn without_id(document: &RawDocument) -> Result<RawDocumentBuf, QueryError> {
+    let mut rest = RawDocumentBuf::new();
+    for field in document {
+        let (name, value) = field?;
+        if name != cstr!("_id") {
+            rest.append(name, value);
+        }
+    }
+    Ok(rest)
 }
 
 /// Which changes an insert made, also one that ended early.
@@ -485,7 +518,8 @@ impl MongoDb {
         first_only: bool,
         known: &RefCell<Vec<Bson>>,
     ) -> Result<u64, StoreError> {
-        let limit = if first_only { 1 } else { MOST_KNOWN + 1 };
+        let most = if query.modifiers.collation.is_some() { MOST_CONDITIONS } else { MOST_KNOWN };
+        let limit = if first_only { 1 } else { most + 1 };
         let find = Find {
             filter: query.filter.clone(),
             projection: doc! { "_id": 1 },
@@ -499,8 +533,7 @@ impl MongoDb {
             for document in self.find(ns, &find)? {
                 ids.push(named::id_of(&document?)?);
             }
-            // With a collation, each is named by a long condition.
-            if ids.len() > MOST_KNOWN || !first_only && query.modifiers.collation.is_some() {
+            if ids.len() > most {
                 return self.remove(ns, query, first_only).map(Some);
             }
             let these = named::among(&ids, query.modifiers.collation.as_ref());
@@ -530,7 +563,8 @@ impl MongoDb {
             upsert: true,
             ..UpdateRequest::default()
         };
-        Ok(self.update(ns, &request, timestamp)?.modified.min(1))
+        // It is a part of what has this time.
+        Ok(self.change(ns, &request, timestamp)?.modified.min(1))
     }
 
     /// Updates in the server's own way.

@@ -503,7 +503,7 @@ fn name(token: &ResumeToken) -> String {
 
 /// The time of the server that a token stands for: behind the type of a timestamp (130), its seconds and its number among
 /// those of a second, four bytes each, the highest first (MongoDB's `KeyString`).
-fn time_of(token: &str) -> Option<Timestamp> {
+pub(super) fn time_of(token: &str) -> Option<Timestamp> {
     let (kind, rest) = token.split_at_checked(2)?;
     let number = |from: usize| u32::from_str_radix(rest.get(from..from + 8)?, 16).ok();
     (kind == "82").then_some(Timestamp { time: number(0)?, increment: number(8)? })
