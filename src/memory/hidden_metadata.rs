@@ -114,6 +114,7 @@ fn in_update_stage(stage: &Document) -> Document {
 /// Returns a pipeline that removes the metadata before a stage could see it; its documents come from a stage in front of
 /// these. The results of an inner pipeline are seen by the stages around it.
 pub(in crate::memory) fn in_stages(mut stages: Vec<Document>, is_inner: bool) -> Vec<Document> {
+    stages.last_mut().into_iter().for_each(in_merge);
     if stages.iter().any(writes) {
         return stages;
     }
@@ -126,6 +127,17 @@ pub(in crate::memory) fn in_stages(mut stages: Vec<Document>, is_inner: bool) ->
         None => {}
     }
     stages
+}
+
+/// The pipeline by which `$merge` changes what is there does not see the metadata, and leaves it as it is.
+fn in_merge(stage: &mut Document) {
+    let Ok(merge) = stage.get_document_mut("$merge") else { return };
+    let Ok(matched) = merge.get_array_mut("whenMatched") else { return };
+    for stage in matched {
+        if let Bson::Document(stage) = stage {
+            *stage = in_update_stage(stage);
+        }
+    }
 }
 
 /// Adds the date at which documents are inserted in front of a final `$out`.
@@ -246,17 +258,44 @@ fn is_root(text: &str) -> bool {
     text == "$$ROOT" || text == "$$CURRENT"
 }
 
-/// A schema that allows the metadata where it allows no other keys.
+/// A schema that allows the metadata where it allows no other keys, and does not count it.
 fn in_schema(schema: &Document) -> Document {
     let mut schema = schema.clone();
-    if !schema.contains_key("additionalProperties") || names(&schema) {
+    if names(&schema) {
         return schema;
     }
-    if let Bson::Document(properties) = schema.entry("properties".to_owned()).or_insert_with(|| Document::new().into())
+    if schema.contains_key("additionalProperties")
+        && let Bson::Document(properties) =
+            schema.entry("properties".to_owned()).or_insert_with(|| Document::new().into())
     {
         properties.insert(INFO, Document::new());
     }
+    for keyword in ["minProperties", "maxProperties"] {
+        // What is no number is refused as it is.
+        let Some(one_more) = schema.get(keyword).and_then(one_more) else { continue };
+        let Some(count) = schema.remove(keyword) else { continue };
+        let has_metadata = doc! { "required": [INFO] };
+        let either = doc! { "anyOf": [
+            { "required": [INFO], keyword: one_more },
+            { "not": has_metadata, keyword: count },
+        ] };
+        if let Bson::Array(all) = schema.entry("allOf".to_owned()).or_insert_with(|| Vec::<Bson>::new().into()) {
+            all.push(either.into());
+        }
+    }
     schema
+}
+
+/// A count of properties, and one more.
+fn one_more(count: &Bson) -> Option<Bson> {
+    match count {
+        Bson::Int32(count) if *count >= 0 => Some(Bson::Int64(i64::from(*count) + 1)),
+        Bson::Int64(count) if *count >= 0 => count.checked_add(1).map(Bson::Int64),
+        Bson::Double(count) if *count >= 0.0 && *count < 1e15 && count.fract() == 0.0 => {
+            Some(Bson::Double(count + 1.0))
+        }
+        _ => None,
+    }
 }
 
 #[cfg(test)]

@@ -155,3 +155,12 @@ fn filters_projections_and_updates_end_alike() {
         }
     });
 }
+
+#[test]
+fn a_redaction_looks_at_each_of_very_many_parts_by_itself() {
+    let parts = doc! { "$map": { "input": { "$range": [0, 20_000] }, "in": { "n": "$$this" } } };
+    let condition = doc! { "$cond": [{ "$eq": [{ "$mod": ["$n", 2] }, 1] }, "$$PRUNE", "$$DESCEND"] };
+    let stages = vec![doc! { "$set": { "parts": parts } }, doc! { "$redact": condition }];
+    let found = run(stages).unwrap();
+    assert_eq!(found[0].get_array("parts").unwrap().into_iter().count(), 10_000);
+}

@@ -84,7 +84,7 @@ pub(in crate::query) struct Environment<'a> {
 
 /// A variable bound by an expression, and those around it.
 #[derive(Debug)]
-pub(super) struct Frame<'a> {
+pub(in crate::query) struct Frame<'a> {
     slot: usize,
     value: &'a Value,
     outer: Option<&'a Frame<'a>>,
@@ -96,11 +96,11 @@ impl<'a> Environment<'a> {
     }
 
     /// Returns a frame that binds one more variable.
-    pub(super) fn frame(&self, slot: usize, value: &'a Value) -> Frame<'a> {
+    pub(in crate::query) fn frame(&self, slot: usize, value: &'a Value) -> Frame<'a> {
         Frame { slot, value, outer: self.frame }
     }
 
-    pub(super) fn within<'b>(&self, frame: &'b Frame<'b>) -> Environment<'b>
+    pub(in crate::query) fn within<'b>(&self, frame: &'b Frame<'b>) -> Environment<'b>
     where
         'a: 'b,
     {

@@ -5,7 +5,8 @@ use bson::{Bson, Document};
 use super::documents::{Documents, encode};
 use super::run::Run;
 use crate::query::error::{QueryError, Result};
-use crate::query::expression::{Expression, Scope};
+use crate::query::expression::{Environment, Expression, Scope};
+use crate::query::interruption;
 
 /// A compiled `$redact`.
 #[derive(Debug)]
@@ -31,34 +32,29 @@ impl Redact {
         Box::new(input.filter_map(move |document| {
             let redacted = document.and_then(|document| {
                 let document = Document::try_from(document).map_err(QueryError::from)?;
-                let redacted = self.redacted(&document, &document, &run, 0)?;
+                let redacted = self.redacted(&document, &run.environment((&document).into()), 0)?;
                 Ok(redacted.map(|redacted| encode(&redacted)).transpose()?)
             });
             redacted.transpose()
         }))
     }
 
-    fn redacted<E>(
-        &self,
-        root: &Document,
-        current: &Document,
-        run: &Run<'_, E>,
-        depth: usize,
-    ) -> Result<Option<Document>> {
+    /// The part of a document that is let through, in the environment of the document that it lies in.
+    fn redacted(&self, current: &Document, outer: &Environment<'_>, depth: usize) -> Result<Option<Document>> {
         if depth > 200 {
             return Err(QueryError::invalid(15, "the document is nested too deeply"));
         }
-        let mut variables = (*run.variables).clone();
-        variables.set(self.current, Some(Bson::Document(current.clone())));
-        let run = run.with(variables);
-        let decision = self.condition.evaluate(&run.environment(root.into()))?;
+        interruption::check()?;
+        let value = Some(Bson::Document(current.clone()));
+        let frame = outer.frame(self.current, &value);
+        let decision = self.condition.evaluate(&outer.within(&frame))?;
         match decision.as_ref().and_then(Bson::as_str) {
             Some("keep") => Ok(Some(current.clone())),
             Some("prune") => Ok(None),
             Some("descend") => {
                 let mut kept = Document::new();
                 for (name, value) in current {
-                    if let Some(value) = self.inside(root, value, &run, depth + 1)? {
+                    if let Some(value) = self.inside(value, outer, depth + 1)? {
                         kept.insert(name.clone(), value);
                     }
                 }
@@ -69,13 +65,13 @@ impl Redact {
         }
     }
 
-    fn inside<E>(&self, root: &Document, value: &Bson, run: &Run<'_, E>, depth: usize) -> Result<Option<Bson>> {
+    fn inside(&self, value: &Bson, outer: &Environment<'_>, depth: usize) -> Result<Option<Bson>> {
         match value {
-            Bson::Document(inner) => Ok(self.redacted(root, inner, run, depth)?.map(Bson::Document)),
+            Bson::Document(inner) => Ok(self.redacted(inner, outer, depth)?.map(Bson::Document)),
             Bson::Array(items) => {
                 let mut kept = Vec::new();
                 for item in items {
-                    kept.extend(self.inside(root, item, run, depth + 1)?);
+                    kept.extend(self.inside(item, outer, depth + 1)?);
                 }
                 Ok(Some(Bson::Array(kept)))
             }

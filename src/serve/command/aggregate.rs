@@ -241,7 +241,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
     let ns = place(&spec.scope);
     if !host.memory()?.is_current(&ns)? {
         let message = "change streams are of databases in a file; this one is on a MongoDB server: connect to that";
-        return Err(Failure::new(codes::ILLEGAL, message));
+        return Err(Failure::new(codes::NOT_SUPPORTED, message));
     }
     let (scope, server) = (spec.scope.clone(), std::sync::Arc::clone(&host.server));
     let kept = host.write(

@@ -278,7 +278,7 @@ fn in_transaction(host: &mut Host<'_>, client: &mut Client, command: &'static Co
     let ns = home(&call.request);
     if !host.memory()?.is_current(&ns)? {
         let message = "transactions are for databases in a file; this one is on a MongoDB server: connect to that";
-        return Err(Failure::new(codes::ILLEGAL, message));
+        return Err(Failure::new(codes::NOT_SUPPORTED, message));
     }
     let once = Once { session: session.clone(), number: part.number };
     if part.starts && matches!(command.name, "commitTransaction" | "abortTransaction") {

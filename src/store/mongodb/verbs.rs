@@ -14,7 +14,7 @@ use super::action::{bypassing, hint_of_driver, modified, of_driver};
 use super::history::Made;
 use super::update::{is_replacement, replaces};
 use super::visible::{behind_expression, for_server, in_stages};
-use super::{MongoDb, failure, named, validation};
+use super::{MongoDb, failure, named, validation, write_command};
 use crate::deadline;
 use crate::query::{Collation, QueryError, object_id};
 use crate::saturate::to_i64;
@@ -103,6 +103,10 @@ impl Store for MongoDb {
     }
 
     fn count(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        // The driver counts what a stage matches, and these have no place in one.
+        if named::has_operator(query.filter, &["$where", "$near", "$nearSphere"]) {
+            return self.counted_by_command(ns, query);
+        }
         let collection = self.collection(ns);
         let action = collection.count_documents(behind_expression(query.filter).into_owned());
         modified!(action, query.modifiers, collation hint time).run().map_err(|e| self.explain(&e))
@@ -508,6 +512,16 @@ impl MongoDb {
         let action = collection.delete_one(query.filter.clone());
         let deleted = modified!(action, query.modifiers, collation variables hint).run();
         deleted.map(|result| result.deleted_count).map_err(|e| failure::explain_change(&self.address, ns, &e))
+    }
+
+    fn counted_by_command(&self, ns: &Namespace, query: Query<'_>) -> Result<u64, StoreError> {
+        let mut command = doc! { "count": &ns.collection, "query": behind_expression(query.filter).into_owned() };
+        let Modifiers { collation, hint, .. } = query.modifiers;
+        command.extend(collation.as_ref().map(|own| ("collation".to_owned(), own.definition().clone().into())));
+        command.extend(hint.as_ref().map(|hint| ("hint".to_owned(), hint.to_bson())));
+        command.extend(deadline::left().map(|left| ("maxTimeMS".to_owned(), to_i64(left.as_millis().max(1)).into())));
+        let answer = self.database(ns).run_command(command).run().map_err(|e| self.explain(&e))?;
+        Ok(write_command::count(&answer, "n"))
     }
 
     /// Removes matches, and says which they were, if they are few: each has another history.

@@ -112,7 +112,7 @@ impl MongoDb {
 }
 
 /// A number of documents in an answer.
-fn count(answer: &Document, name: &str) -> u64 {
+pub(super) fn count(answer: &Document, name: &str) -> u64 {
     answer
         .get(name)
         .and_then(|count| match count {

@@ -35,6 +35,7 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::ids_that_are_equal_under_a_collation_are_told_apart", equal_ids),
     ("serving::in_front_of_mongod::writes_are_confirmed_as_their_client_says", confirmed),
     ("serving::in_front_of_mongod::statements_that_are_sent_again_are_answered_as_mongod_does", repeated),
+    ("serving::in_front_of_mongod::what_sees_whole_documents_sees_no_metadata", whole),
     ("serving::in_front_of_mongod::a_write_that_fails_part_way_says_what_it_changed_and_can_be_undone", part_way),
 ];
 
@@ -685,5 +686,42 @@ fn confirmed(mongod: &str) -> Result<(), Failed> {
             behind.run(&doc! { "dropDatabase": 1, "$db": database })?;
         }
     }
+    Ok(())
+}
+
+/// In front of a server, and over a file.
+fn whole(mongod: &str) -> Result<(), Failed> {
+    let (_folder, served, database) = emptied(mongod, "whole")?;
+    let folder = tempfile::tempdir()?;
+    let over_file = Served::start(folder.path(), &[])?;
+    let keep = doc! { "into": "t", "whenMatched": [{ "$set": { "seen": "$$ROOT" } }] };
+    let schema = |schema: Document| doc! { "count": "c", "query": { "$jsonSchema": schema } };
+    for served in [&served, &over_file] {
+        let mut wire = Wire::connect(served.address())?;
+        let mut run = |command: Document| wire.run(&[command, doc! { "$db": "whole" }].into_iter().flatten().collect());
+        run(doc! { "insert": "c", "documents": [{ "_id": 1, "at": [0, 0] }, { "_id": 2, "at": [5, 5], "n": 1 }] })?;
+        run(doc! { "insert": "t", "documents": [{ "_id": 1, "x": 9 }] })?;
+        run(doc! { "createIndexes": "c", "indexes": [{ "key": { "at": "2dsphere" }, "name": "at" }] })?;
+        run(doc! { "aggregate": "c", "pipeline": [{ "$match": { "_id": 1 } }, { "$merge": &keep }], "cursor": {} })?;
+        let answer = run(doc! { "find": "t" })?;
+        let found = answer.get_document("cursor")?.get_array("firstBatch")?;
+        assert_eq!(found, &[doc! { "_id": 1, "x": 9, "seen": { "_id": 1, "x": 9 } }.into()]);
+        let near =
+            doc! { "$nearSphere": { "$geometry": { "type": "Point", "coordinates": [0, 0] }, "$maxDistance": 9 } };
+        for (count, n) in [
+            (doc! { "count": "c", "query": { "$where": "this.n == 1" } }, 1),
+            (doc! { "count": "c", "query": { "at": near }, "limit": 5 }, 1),
+            (schema(doc! { "maxProperties": 2 }), 1),
+            (schema(doc! { "minProperties": 3.0 }), 1),
+            (schema(doc! { "minProperties": 4_i64 }), 0),
+            (schema(doc! { "minProperties": 2, "maxProperties": 3, "allOf": [{ "required": ["n"] }] }), 1),
+        ] {
+            let answer = run(count.clone())?;
+            assert_eq!(answer.get_i32("n").ok(), Some(n), "{count}: {answer}");
+        }
+        let answer = run(schema(doc! { "minProperties": "x" }))?;
+        assert_eq!(answer.get_i32("code")?, 9, "{answer}");
+    }
+    database.drop().run()?;
     Ok(())
 }
