@@ -110,6 +110,8 @@ pub(super) struct Caught {
     count: u64,
     /// Whether nothing is left of what was asked for.
     pub(super) is_whole: bool,
+    /// Whether no more came, from a server that does not say up to when that is.
+    pub(super) is_quiet: bool,
 }
 
 /// While this lives, a write is being recorded; also where that panics, no longer.
@@ -361,7 +363,7 @@ impl MongoDb {
             let since = since.map_or_else(|| self.moment(), Ok)?;
             self.begin_at(ns, Some(since.time))?;
         }
-        let (mut count, mut is_whole) = (0, false);
+        let (mut count, mut is_whole, mut is_quiet) = (0, false, false);
         while count < most && !is_whole {
             let reached = match changes.next(lull)? {
                 Next::Change(change) => {
@@ -375,6 +377,7 @@ impl MongoDb {
                     }
                     None => {
                         is_whole = is_behind(changes.reached(), until);
+                        is_quiet = changes.reached().is_none();
                         break;
                     }
                 },
@@ -386,7 +389,7 @@ impl MongoDb {
             }
         }
         self.keep(ns, batch, &mut changes)?;
-        Ok(Caught { count, is_whole })
+        Ok(Caught { count, is_whole, is_quiet })
     }
 
     /// Writes entries, and that they are written.

@@ -105,7 +105,7 @@ impl MongoDb {
         let part = Part { lull: QUIET_TIME, most: u64::MAX, since: None, until };
         while begun.elapsed() < OTHERS_TIMEOUT {
             let caught = self.catch_up(ns, rule, &mut Batch::default(), part)?;
-            if caught.is_whole || until.is_none() || is_behind(self.recorded_until(ns)?, until) {
+            if caught.is_whole || caught.is_quiet || until.is_none() || is_behind(self.recorded_until(ns)?, until) {
                 return Ok(());
             }
             check_going_on(0)?;
