@@ -274,10 +274,9 @@ fn in_schema(schema: &Document) -> Document {
         // What is no number is refused as it is.
         let Some(one_more) = schema.get(keyword).and_then(one_more) else { continue };
         let Some(count) = schema.remove(keyword) else { continue };
-        let has_metadata = doc! { "required": [INFO] };
         let either = doc! { "anyOf": [
             { "required": [INFO], keyword: one_more },
-            { "not": has_metadata, keyword: count },
+            { "not": { "required": [INFO] }, keyword: count },
         ] };
         if let Bson::Array(all) = schema.entry("allOf".to_owned()).or_insert_with(|| Vec::<Bson>::new().into()) {
             all.push(either.into());

@@ -2,7 +2,9 @@
 
 use bson::{Bson, Document};
 
+use crate::deadline;
 use crate::query::{Collation, QueryError};
+use crate::saturate::to_i64;
 use crate::store::Hint;
 
 /// An action of the driver with those of the modifiers of a request that are named: the driver's actions have methods of
@@ -49,6 +51,11 @@ macro_rules! bypassing {
 }
 
 pub(super) use {bypassing, modified};
+
+/// What is left of the time that an operation may take, in milliseconds, as a command takes it: zero would be no limit.
+pub(super) fn max_time() -> Option<i64> {
+    deadline::left().map(|left| to_i64(left.as_millis().max(1)))
+}
 
 /// A collation as the driver takes it.
 pub(super) fn of_driver(collation: &Collation) -> Result<mongodb::options::Collation, QueryError> {

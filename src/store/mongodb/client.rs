@@ -3,7 +3,7 @@
 use std::sync::mpsc;
 use std::time::Duration;
 
-use bson::RawDocumentBuf;
+use bson::{Document, RawDocumentBuf, doc};
 use mongodb::options::{
     Acknowledgment, ClientOptions, CollectionOptions, DatabaseOptions, ReadConcern, ReadPreference, SelectionCriteria,
     WriteConcern,
@@ -70,6 +70,11 @@ impl MongoDb {
 
     pub(super) fn client(&self) -> &Client {
         &self.client
+    }
+
+    /// What the server says of itself.
+    pub(super) fn hello(&self) -> mongodb::error::Result<Document> {
+        self.client.database("admin").run_command(doc! { "hello": 1 }).run()
     }
 
     pub(super) fn fail(&self, reason: &str) -> StoreError {

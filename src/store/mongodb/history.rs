@@ -18,19 +18,22 @@ use mongodb::sync::Collection;
 
 use super::entry::{Batch, ENTRIES, RECENT, Recent, dates};
 use super::keeping::Owed;
-use super::past::{BEGINNINGS, QUIET_TIME};
-use super::position::HISTORY;
-use super::watch::{Stream, time_of};
+use super::position::{is_behind, name_of_history, time_of};
+use super::watch::Stream;
 use super::{MongoDb, failure};
 use crate::saturate::to_i64;
 use crate::store::history::{HistoryRule, not_kept};
 use crate::store::metadata::{INFO, INSERTED, UPDATED, info_path};
 use crate::store::{Change, Changes, Find, Namespace, Next, Store as _, StoreError};
 
+/// The collection that says since when the history of a collection is whole: `{_id, since}`.
+const BEGINNINGS: &str = "rmem.histories";
 /// How long one waits for one's own changes while no more of them come.
 const OWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long one waits for them while only changes of others come.
 const OTHERS_TIMEOUT: Duration = Duration::from_secs(10);
+/// How long no change may come until the history counts as read to its end.
+pub(super) const QUIET_TIME: Duration = Duration::from_millis(300);
 /// How often a process that records all changes says how far it is, where none come.
 const TELLING_INTERVAL: Duration = Duration::from_secs(1);
 /// So many changes of others are recorded at once while one waits for one's own, at most.
@@ -242,7 +245,7 @@ impl MongoDb {
             return Ok(());
         }
         let known = self.beginnings(ns).find_one(doc! { "_id": &ns.collection }).run().map_err(|e| self.explain(&e))?;
-        let is_known = match self.follow_for_history(ns, &name(ns), None) {
+        let is_known = match self.follow_for_history(ns, &name_of_history(ns), None) {
             Ok(changes) => known.is_some() && !changes.is_new(),
             // Another process records at this moment.
             Err(StoreError::Held { .. }) => known.is_some(),
@@ -270,8 +273,7 @@ impl MongoDb {
 
     /// Now.
     pub(super) fn moment(&self) -> Result<Moment, StoreError> {
-        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let hello = hello.map_err(|e| self.explain(&e))?;
+        let hello = self.hello().map_err(|e| self.explain(&e))?;
         let behind = |last: Timestamp| Timestamp { increment: last.increment.saturating_add(1), ..last };
         Ok(Moment {
             time: hello.get_datetime("localTime").copied().unwrap_or_else(|_| DateTime::now()),
@@ -291,12 +293,12 @@ impl MongoDb {
         let Some(own) = owed.last().filter(|_| count > 0) else { return Ok(()) };
         // Behind the last change of the write.
         let end = self.moment()?.position;
-        let (begun, mut signed, mut batch) = (Instant::now(), 0, Batch::default());
-        let (mut progress, mut is_read) = (begun, false);
+        let (begun, mut signed, mut is_read) = (Instant::now(), 0, false);
+        let mut progress = begun;
         let mut part = Part { lull: Duration::from_millis(50), most: count, since: Some(start), until: end };
         while signed < count && !is_read && progress.elapsed() < OWN_TIMEOUT {
             // While another process records, one waits for it.
-            let recorded = self.catch_up(ns, rule, &mut batch, part)?;
+            let recorded = self.catch_up(ns, rule, part)?;
             if recorded.count == 0 {
                 std::thread::sleep(Duration::from_millis(5));
             }
@@ -326,70 +328,59 @@ impl MongoDb {
     }
 
     /// Records a part of the changes, and their dates. While another process does so, nothing is recorded.
-    pub(super) fn catch_up(
-        &self,
-        ns: &Namespace,
-        rule: &HistoryRule,
-        batch: &mut Batch,
-        part: Part,
-    ) -> Result<Caught, StoreError> {
-        match self.follow_for_history(ns, &name(ns), part.since.and_then(|since| since.position)) {
-            Ok(changes) => match self.record_part(ns, batch, changes, part) {
-                // The database was dropped meanwhile, or another process has taken over.
-                Err(StoreError::Held { .. }) => Ok(Caught::default()),
-                caught => {
-                    let caught = caught?;
-                    if caught.count > 0 {
-                        self.bound(ns, rule)?;
-                    }
-                    Ok(caught)
-                }
-            },
-            Err(StoreError::Held { .. }) => Ok(Caught::default()),
-            Err(error) => Err(error),
+    pub(super) fn catch_up(&self, ns: &Namespace, rule: &HistoryRule, part: Part) -> Result<Caught, StoreError> {
+        let since = part.since.and_then(|since| since.position);
+        let followed = self.follow_for_history(ns, &name_of_history(ns), since);
+        let caught = match followed.and_then(|changes| self.record_part(ns, changes, part)) {
+            // Also where the database was dropped meanwhile.
+            Err(StoreError::Held { .. }) => Caught::default(),
+            caught => caught?,
+        };
+        if caught.count > 0 {
+            self.bound(ns, rule)?;
         }
+        Ok(caught)
     }
 
     fn record_part(
         &self,
         ns: &Namespace,
-        batch: &mut Batch,
         mut changes: Stream<'_>,
         Part { lull, most, since, until }: Part,
     ) -> Result<Caught, StoreError> {
-        *batch = Batch::default();
         if changes.is_new() {
             // The database was dropped, and the history with it.
             let since = since.map_or_else(|| self.moment(), Ok)?;
             self.begin_at(ns, Some(since.time))?;
         }
-        let (mut count, mut is_whole, mut is_quiet) = (0, false, false);
-        while count < most && !is_whole {
+        let (mut caught, mut batch) = (Caught::default(), Batch::default());
+        while caught.count < most && !caught.is_whole {
             let reached = match changes.next(lull)? {
                 Next::Change(change) => {
                     batch.add(ns, &change)?;
                     time_of(&change.position)
                 }
-                Next::Nothing | Next::Interrupted(_) => match changes.take_date() {
+                Next::Nothing => match changes.take_date() {
                     Some(date) => {
-                        self.date(ns, &date, batch)?;
+                        self.date(ns, &date, &mut batch)?;
                         time_of(&date.position)
                     }
                     None => {
-                        is_whole = is_behind(changes.reached(), until);
-                        is_quiet = changes.reached().is_none();
+                        caught.is_whole = is_behind(changes.reached(), until);
+                        caught.is_quiet = changes.reached().is_none();
                         break;
                     }
                 },
+                Next::Interrupted(_) => break,
             };
-            count += 1;
-            is_whole = is_behind(reached, until);
+            caught.count += 1;
+            caught.is_whole = is_behind(reached, until);
             if batch.is_full() {
-                self.keep(ns, batch, &mut changes)?;
+                self.keep(ns, &mut batch, &mut changes)?;
             }
         }
-        self.keep(ns, batch, &mut changes)?;
-        Ok(Caught { count, is_whole, is_quiet })
+        self.keep(ns, &mut batch, &mut changes)?;
+        Ok(caught)
     }
 
     /// Writes entries, and that they are written.
@@ -461,7 +452,7 @@ impl MongoDb {
         let (mut total, mut is_begun) = (0, false);
         while !stop.load(Ordering::Relaxed) {
             self.begin(ns)?;
-            let changes = self.follow_for_history(ns, &name(ns), None)?;
+            let changes = self.follow_for_history(ns, &name_of_history(ns), None)?;
             if !std::mem::replace(&mut is_begun, true) {
                 begun();
             }
@@ -518,16 +509,6 @@ fn next_time(from: i64) -> i64 {
     let next = |last: i64| Some(from.max(last.saturating_add(1)));
     let last = LAST.fetch_update(Ordering::Relaxed, Ordering::Relaxed, next);
     next(last.unwrap_or_else(|last| last)).unwrap_or(from)
-}
-
-/// Whether a time of the server is reached, where both are known.
-pub(super) fn is_behind(reached: Option<Timestamp>, until: Option<Timestamp>) -> bool {
-    reached.zip(until).is_some_and(|(reached, until)| reached >= until)
-}
-
-/// The name by which a collection is recorded.
-pub(super) fn name(ns: &Namespace) -> String {
-    format!("{HISTORY}{}", ns.collection)
 }
 
 #[cfg(test)]

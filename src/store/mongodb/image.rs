@@ -21,8 +21,7 @@ pub(super) struct Server {
 impl MongoDb {
     /// Asks whether changes can be watched at all.
     pub(super) fn examine(&self) -> Result<Server, StoreError> {
-        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let hello = hello.map_err(|e| self.explain(&e))?;
+        let hello = self.hello().map_err(|e| self.explain(&e))?;
         let replicated =
             hello.contains_key("setName") || hello.get_str("msg").is_ok_and(|message| message == "isdbgrid");
         if !replicated {
@@ -46,8 +45,7 @@ impl MongoDb {
         if let Some(version) = self.version.get() {
             return Ok(*version >= least);
         }
-        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let version = match hello {
+        let version = match self.hello() {
             Ok(hello) => hello.get_i32("maxWireVersion").unwrap_or_default(),
             // An old server does not know the command.
             Err(error) if failure::code(&error).is_some() => 0,

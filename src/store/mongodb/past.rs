@@ -9,21 +9,18 @@ use mongodb::sync::Collection;
 
 use super::MongoDb;
 use super::attempts::check_going_on;
-use super::entry::{Batch, ENTRIES, id_key, is_computed, read};
-use super::history::{Part, is_behind};
+use super::entry::{ENTRIES, id_key, is_computed, read};
+use super::history::{Part, QUIET_TIME};
+use super::position::is_behind;
 use crate::query::key;
 use crate::saturate::to_i64;
 use crate::store::history::{History, HistoryRule, not_kept, too_old};
 use crate::store::{ChangeKind, Documents, Find, Namespace, Store as _, StoreError};
 
-/// The collection that says since when the history of a collection is whole: `{_id, since}`.
-pub(super) const BEGINNINGS: &str = "rmem.histories";
 /// The collection of the runs of which changes are not kept any more: `{_id: {ns, run}, at}`.
 const CUT_RUNS: &str = "rmem.cut_runs";
 /// How long one waits while another process records: longer than the lease of one that was lost.
 const OTHERS_TIMEOUT: Duration = Duration::from_secs(20);
-/// How long no change may come until the history counts as read to its end.
-pub(super) const QUIET_TIME: Duration = Duration::from_millis(300);
 
 impl MongoDb {
     fn cut_runs(&self, ns: &Namespace) -> Collection<Document> {
@@ -104,7 +101,7 @@ impl MongoDb {
         let (begun, until) = (Instant::now(), self.moment()?.position);
         let part = Part { lull: QUIET_TIME, most: u64::MAX, since: None, until };
         while begun.elapsed() < OTHERS_TIMEOUT {
-            let caught = self.catch_up(ns, rule, &mut Batch::default(), part)?;
+            let caught = self.catch_up(ns, rule, part)?;
             if caught.is_whole || caught.is_quiet || until.is_none() || is_behind(self.recorded_until(ns)?, until) {
                 return Ok(());
             }

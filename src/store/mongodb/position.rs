@@ -11,8 +11,7 @@ use bson::{Bson, Document, Timestamp, doc};
 use mongodb::change_stream::event::ResumeToken;
 use mongodb::sync::Collection;
 
-use super::watch::time_of;
-use super::{MongoDb, failure, history};
+use super::{MongoDb, failure};
 use crate::process::holder::{Holder, Life};
 use crate::store::watch::Name;
 use crate::store::{Namespace, Store as _, StoreError};
@@ -20,7 +19,7 @@ use crate::store::{Namespace, Store as _, StoreError};
 /// The collection of names.
 pub(super) const COLLECTION: &str = "rmem.watchers";
 /// What the names begin with that record histories (`history`).
-pub(super) const HISTORY: &str = "rmem.history:";
+const HISTORY: &str = "rmem.history:";
 /// The lease of a process that cannot be seen from here, in milliseconds.
 const LEASE: i64 = 15_000;
 /// How often the lease is renewed.
@@ -159,7 +158,7 @@ impl MongoDb {
     pub(super) fn recorded_until(&self, ns: &Namespace) -> Result<Option<Timestamp>, StoreError> {
         let place = Namespace { database: ns.database.clone(), collection: COLLECTION.to_owned() };
         let names: Collection<Document> = self.on_primary(&place);
-        let found = names.find_one(doc! { "_id": history::name(ns) }).run().map_err(|e| self.explain(&e))?;
+        let found = names.find_one(doc! { "_id": name_of_history(ns) }).run().map_err(|e| self.explain(&e))?;
         let token = found.as_ref().and_then(|found| found.get_document("token").ok()?.get_str("_data").ok());
         Ok(token.and_then(time_of))
     }
@@ -223,4 +222,36 @@ fn held(name: &str, holder: Option<&str>) -> StoreError {
 /// The end of a lease that begins now, by the server's clock.
 fn until() -> Document {
     doc! { "$add": ["$$NOW", LEASE] }
+}
+
+/// The name by which a collection is recorded.
+pub(super) fn name_of_history(ns: &Namespace) -> String {
+    format!("{HISTORY}{}", ns.collection)
+}
+
+/// The time of the server that a token stands for: behind the type of a timestamp (130), its seconds and its number among
+/// those of a second, four bytes each, the highest first (MongoDB's `KeyString`).
+pub(super) fn time_of(token: &str) -> Option<Timestamp> {
+    let (kind, rest) = token.split_at_checked(2)?;
+    let number = |from: usize| u32::from_str_radix(rest.get(from..from + 8)?, 16).ok();
+    (kind == "82").then_some(Timestamp { time: number(0)?, increment: number(8)? })
+}
+
+/// Whether a time of the server is reached, where both are known.
+pub(super) fn is_behind(reached: Option<Timestamp>, until: Option<Timestamp>) -> bool {
+    reached.zip(until).is_some_and(|(reached, until)| reached >= until)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_says_its_time() {
+        let of_event = "826566E2A3000000072B022C0100296E5A1004";
+        assert_eq!(time_of(of_event), Some(Timestamp { time: 0x6566_E2A3, increment: 7 }));
+        for other in ["", "8", "82", "826566E2A3", "816566E2A300000007", "82é66E2A300000007", "82zzzzzzzz00000007"] {
+            assert_eq!(time_of(other), None, "{other}");
+        }
+    }
 }

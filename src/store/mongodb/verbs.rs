@@ -10,7 +10,7 @@ use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
 use mongodb::options::UpdateModifications;
 use mongodb::results::UpdateResult;
 
-use super::action::{bypassing, hint_of_driver, modified, of_driver};
+use super::action::{bypassing, hint_of_driver, max_time, modified, of_driver};
 use super::history::Made;
 use super::update::{is_replacement, replaces};
 use super::visible::{behind_expression, for_server, in_stages};
@@ -519,7 +519,7 @@ impl MongoDb {
         let Modifiers { collation, hint, .. } = query.modifiers;
         command.extend(collation.as_ref().map(|own| ("collation".to_owned(), own.definition().clone().into())));
         command.extend(hint.as_ref().map(|hint| ("hint".to_owned(), hint.to_bson())));
-        command.extend(deadline::left().map(|left| ("maxTimeMS".to_owned(), to_i64(left.as_millis().max(1)).into())));
+        command.extend(max_time().map(|left| ("maxTimeMS".to_owned(), left.into())));
         let answer = self.database(ns).run_command(command).run().map_err(|e| self.explain(&e))?;
         Ok(write_command::count(&answer, "n"))
     }

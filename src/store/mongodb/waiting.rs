@@ -7,6 +7,7 @@
 
 use bson::{Document, doc};
 
+use super::action::max_time;
 use super::write_policy::Member;
 use super::{MongoDb, failure};
 use crate::store::{Namespace, StoreError, WriteConcern};
@@ -44,8 +45,7 @@ impl MongoDb {
 
     /// What the server is.
     fn ask_for_member(&self) -> Result<Member, StoreError> {
-        let hello = self.client().database("admin").run_command(doc! { "hello": 1 }).run();
-        let hello = hello.map_err(|e| self.explain(&e))?;
+        let hello = self.hello().map_err(|e| self.explain(&e))?;
         // A router says `msg`.
         let is_replicated = hello.contains_key("setName") || hello.contains_key("msg");
         let member = Member { is_replicated, election: hello.get_object_id("electionId").ok() };
@@ -57,9 +57,7 @@ impl MongoDb {
     fn wait(&self, ns: &Namespace, concern: Document, before: Member) -> Option<Document> {
         let update = doc! { "q": { "_id": { "$in": [] } }, "u": { "$set": { "confirmed": true } } };
         let mut nothing = doc! { "update": NOTHING, "updates": [update], "writeConcern": concern };
-        if let Some(left) = crate::deadline::left() {
-            nothing.insert("maxTimeMS", i64::try_from(left.as_millis().max(1)).unwrap_or(i64::MAX));
-        }
+        nothing.extend(max_time().map(|left| ("maxTimeMS".to_owned(), left.into())));
         let ask = || self.client().database(&ns.database).run_command(nothing.clone()).run();
         // It may be asked twice, as it writes nothing.
         let answer = match ask().or_else(|error| if failure::is_passing(&error) { ask() } else { Err(error) }) {

@@ -19,7 +19,7 @@ use mongodb::change_stream::event::{ChangeStreamEvent, OperationType, ResumeToke
 use mongodb::options::{FullDocumentBeforeChangeType, FullDocumentType};
 use mongodb::sync::{ChangeStream, Cursor};
 
-use super::position::{self, Position};
+use super::position::{self, Position, time_of};
 use super::{MongoDb, failure};
 use crate::query::QueryError;
 use crate::store::metadata::{INFO, INSERTED, UPDATED};
@@ -501,28 +501,6 @@ fn name(token: &ResumeToken) -> String {
     text.map_or_else(|| token.to_string(), str::to_owned)
 }
 
-/// The time of the server that a token stands for: behind the type of a timestamp (130), its seconds and its number among
-/// those of a second, four bytes each, the highest first (MongoDB's `KeyString`).
-pub(super) fn time_of(token: &str) -> Option<Timestamp> {
-    let (kind, rest) = token.split_at_checked(2)?;
-    let number = |from: usize| u32::from_str_radix(rest.get(from..from + 8)?, 16).ok();
-    (kind == "82").then_some(Timestamp { time: number(0)?, increment: number(8)? })
-}
-
 fn date(time: Option<Timestamp>) -> DateTime {
     time.map_or_else(DateTime::now, |time| DateTime::from_millis(i64::from(time.time) * 1_000))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_token_says_its_time() {
-        let of_event = "826566E2A3000000072B022C0100296E5A1004";
-        assert_eq!(time_of(of_event), Some(Timestamp { time: 0x6566_E2A3, increment: 7 }));
-        for other in ["", "8", "82", "826566E2A3", "816566E2A300000007", "82é66E2A300000007", "82zzzzzzzz00000007"] {
-            assert_eq!(time_of(other), None, "{other}");
-        }
-    }
 }

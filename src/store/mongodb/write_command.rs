@@ -5,8 +5,8 @@ use bson::raw::{CStr, cstr};
 use bson::{Document, RawArrayBuf, RawDocumentBuf, doc, rawdoc};
 use mongodb::error::{Error, ErrorKind, WriteError, WriteFailure};
 
+use super::action::max_time;
 use super::{MongoDb, failure};
-use crate::deadline;
 use crate::query::QueryError;
 use crate::store::{Modifiers, Namespace, Query, StoreError, UpdateRequest, UpdateSpec, Updated};
 
@@ -35,8 +35,7 @@ impl MongoDb {
         if self.is_bypassing.get() && list == cstr!("updates") {
             command.append(cstr!("bypassDocumentValidation"), true);
         }
-        if let Some(left) = deadline::left() {
-            let left = i64::try_from(left.as_millis().max(1)).unwrap_or(i64::MAX);
+        if let Some(left) = max_time() {
             command.append(cstr!("maxTimeMS"), left);
         }
         Ok(self.client().database(&ns.database).run_raw_command(command).run())
