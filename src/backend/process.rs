@@ -15,8 +15,10 @@ use crate::formats::quantity::write_duration;
 use crate::settings::backend::Backend;
 use crate::store::mongodb::admin::{Admin, AdminError};
 
-/// How long a process may take to accept a connection, and to answer.
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
+/// How long a process may take to accept a connection, and to answer one that only looks at it.
+pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
+/// How long it may take to answer one that starts or stops it, which may be when a robot starts everything else, too.
+const PATIENCE: Duration = Duration::from_secs(15);
 /// How long a primary looks for another member to take over.
 const HANDOVER_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a process that listens may take to go into the background.
@@ -57,12 +59,12 @@ pub fn up(backend: &Backend) -> Result<Running, BackendError> {
     // Two that start it at once do so one after the other.
     let lock = File::open(&data).and_then(|folder| folder.lock().map(|()| folder));
     let _lock = lock.map_err(|error| failed(backend, format!("cannot lock {}: {error}", data.display())))?;
-    if let Some(running) = look(backend, &data)? {
+    if let Some(running) = look(backend, &data, PATIENCE)? {
         return Ok(running);
     }
     start(backend, &data)?;
     await_answer(backend);
-    match look(backend, &data)? {
+    match look(backend, &data, PATIENCE)? {
         Some(running) => {
             let pid = running.pid.map(|pid| pid.to_string()).unwrap_or_default();
             // For people, and for a process that does not listen; a listening process is asked itself.
@@ -94,13 +96,13 @@ fn log_of(backend: &Backend, data: &Path) -> PathBuf {
     backend.log.clone().unwrap_or_else(|| beside(data, "log"))
 }
 
-/// The process, where it runs; an error where something else has its port.
-pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, BackendError> {
+/// The process, where it runs; an error where something else has its port, or it does not answer in time.
+pub(super) fn look(backend: &Backend, data: &Path, timeout: Duration) -> Result<Option<Running>, BackendError> {
     let address = backend.address();
     if !is_taken(&address) {
         return Ok(None);
     }
-    let admin = Admin::at(&address, ANSWER_TIMEOUT).map_err(|error| answered(backend, error))?;
+    let admin = Admin::at(&address, timeout).map_err(|error| answered(backend, error))?;
     let started = match admin.started() {
         Ok(started) => started,
         Err(AdminError::Silent(_)) => {
@@ -111,8 +113,9 @@ pub(super) fn look(backend: &Backend, data: &Path) -> Result<Option<Running>, Ba
                     backend.port
                 ),
                 None => format!(
-                    "the port {} is taken by something that does not answer as mongod does; give another port",
-                    backend.port
+                    "the port {} is taken by something that does not answer as mongod does within {}; give another port",
+                    backend.port,
+                    write_duration(timeout)
                 ),
             };
             return Err(failed(backend, reason));
@@ -240,7 +243,9 @@ fn attend(backend: &Backend, data: &Path, child: &mut Child) -> io::Result<Start
         if now != length {
             (length, progress) = (now, Instant::now());
         }
-        if progress.elapsed() > FORK_TIMEOUT && look(backend, data).is_ok_and(|running| running.is_some()) {
+        if progress.elapsed() > FORK_TIMEOUT
+            && look(backend, data, ANSWER_TIMEOUT).is_ok_and(|running| running.is_some())
+        {
             // Some cannot go into the background by themselves.
             return Ok(Start::Done);
         }
@@ -280,7 +285,7 @@ fn logged_error(log: &Path, from: u64) -> Option<String> {
 /// Where it does not end, or something else has its port.
 pub fn down(backend: &Backend) -> Result<Down, BackendError> {
     let Ok(data) = fs::canonicalize(&backend.path) else { return Ok(Down::Absent) };
-    let Some(running) = look(backend, &data)? else {
+    let Some(running) = look(backend, &data, PATIENCE)? else {
         return match noted(&data).filter(|pid| is_mongod_of(*pid, &data)) {
             // It does not listen yet, or any more.
             Some(pid) => terminate(backend, &data, pid),

@@ -109,6 +109,8 @@ fn step(backend: &Backend) -> Result<Step, BackendError> {
         // Until the new member votes as well, the set has a smaller majority than it seems.
         return Ok(Step::Settled(Settled::Copying));
     }
+    // It may have been elected since it was asked first.
+    let own = ask(&backend.address()).map_err(|error| answered(backend, error))?;
     Ok(match (own.is_primary, own.is_secondary) {
         (true, _) => Step::Settled(Settled::Up { state: "PRIMARY", silent }),
         (_, true) => Step::Settled(Settled::Up { state: "SECONDARY", silent }),

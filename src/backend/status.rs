@@ -55,7 +55,7 @@ pub struct Status {
 #[must_use]
 pub fn status(backend: &Backend) -> Status {
     let data = std::fs::canonicalize(&backend.path).unwrap_or_else(|_| backend.path.clone());
-    let (running, problem) = match process::look(backend, &data) {
+    let (running, problem) = match process::look(backend, &data, process::ANSWER_TIMEOUT) {
         Ok(running) => (running, None),
         Err(error) => (None, Some(error)),
     };

@@ -531,6 +531,15 @@ fn suspended(mongod: &Path) -> Result<(), Failed> {
         assert!(output.status.code() == Some(4) && message.contains(wanted), "{output:?}");
     }
     assert_eq!(robots.ends(0, &["count", "robmem.x"], 0)?, [Value::from(1)], "nothing was written");
+    // One that is only slow to answer, as on a robot that starts, is stopped like any other.
+    signal("-STOP")?;
+    let down = std::thread::scope(|scope| {
+        let down = scope.spawn(|| robots.ends(0, &["backend", "down", "local"], 0));
+        std::thread::sleep(Duration::from_secs(5));
+        signal("-CONT")?;
+        down.join().map_err(|_| Failed::from("`backend down` failed"))?
+    })?;
+    assert_eq!(down[0]["did"], "stopped");
     Ok(())
 }
 
