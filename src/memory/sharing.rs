@@ -6,7 +6,10 @@ use bson::{DateTime, Document};
 
 use super::Memory;
 use crate::query::Collation;
-use crate::store::{ChangePage, Index, Kept, Namespace, Scope, Since, Store, StoreError, Validation, index};
+use crate::store::{
+    ChangePage, EventRequest, Events, Index, Kept, Namespace, Scope, ServerEvents, Since, Store, StoreError,
+    Validation, index,
+};
 
 /// MongoDB's code for what a view has not.
 const NOT_ON_VIEW: i32 = 166;
@@ -264,6 +267,26 @@ impl Memory {
     /// Where the store keeps none.
     pub fn keep_changes(&self, scope: &Scope, since: DateTime) -> Result<Kept, StoreError> {
         self.routes.scoped(scope)?.keep_changes(scope, since)
+    }
+
+    /// See [`Store::set_images`].
+    ///
+    /// # Errors
+    /// Where the store's server cannot be reached or refuses.
+    pub fn set_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
+        self.bare(ns)?.set_images(ns, are_kept)
+    }
+
+    /// See [`Store::server_events`].
+    ///
+    /// # Errors
+    /// Where the store is a file, or its server cannot be reached or refuses.
+    pub fn server_events(
+        &self,
+        request: EventRequest,
+        most: Option<u64>,
+    ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
+        self.routes.scoped(&request.scope)?.server_events(request, most)
     }
 
     /// See [`Store::release_changes`].

@@ -112,6 +112,11 @@ impl Clock {
     }
 }
 
+/// Whether a time was counted as here, and not by a MongoDB server, whose count within a second is that of its changes.
+pub(super) fn is_counted(time: Timestamp) -> bool {
+    time.increment >= PER_MILLISECOND
+}
+
 /// A write whose changes may not be durable yet.
 #[must_use]
 pub(super) struct Writing<'a> {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use bson::raw::cstr;
 use bson::{RawArrayBuf, RawDocumentBuf};
 
-use super::changes::Stream;
+use super::changes::Following;
 use super::ended::Ended;
 use super::failure::{Failure, codes};
 use super::mailbox::{Mailbox, More, ThreadMessage};
@@ -142,7 +142,7 @@ pub(super) enum Owner {
     /// The thread that opened it.
     Thread(Mailbox),
     /// Whoever is asked: a change stream holds nothing of a thread.
-    Stream(Arc<Mutex<Stream>>),
+    Stream(Arc<Mutex<Following>>),
 }
 
 /// All cursors.
@@ -343,7 +343,7 @@ impl Cursors {
             let is_kept = match &open.owner {
                 // One that is being read is in use.
                 Owner::Stream(stream) => {
-                    stream.try_lock().is_ok_and(|stream| !is_old(stream.used)) || is_locked(stream)
+                    stream.try_lock().is_ok_and(|stream| !is_old(stream.used())) || is_locked(stream)
                 }
                 Owner::Thread(_) => true,
             };
@@ -359,7 +359,7 @@ impl Cursors {
     }
 }
 
-fn is_locked(stream: &Mutex<Stream>) -> bool {
+fn is_locked(stream: &Mutex<Following>) -> bool {
     matches!(stream.try_lock(), Err(std::sync::TryLockError::WouldBlock))
 }
 

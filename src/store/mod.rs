@@ -48,7 +48,10 @@ pub use step::{Step, Undone, as_step};
 pub use taken_key::TakenKey;
 pub use uri::{Role, StoreUri, UriError, open};
 pub use validation::{InvalidDocument, Validation, ValidationAction, ValidationLevel};
-pub use watch::{Change, ChangeKind, ChangePage, Changes, Kept, Name, Next, NotedChanges, Scope, Since};
+pub use watch::{
+    Change, ChangeKind, ChangePage, Changes, EventRequest, Events, Kept, Name, Next, NotedChanges, Scope, ServerEvents,
+    Since,
+};
 pub use write_concern::{Acknowledgment, WriteConcern};
 
 use std::borrow::Cow;
@@ -252,6 +255,24 @@ pub trait Store: Send {
     fn position_at(&self, scope: &Scope, time: DateTime) -> Result<Since, StoreError> {
         let _ = (scope, time);
         Err(self.keeps_none())
+    }
+
+    /// Has a collection, which is there, keep its documents before and after each change for change streams, or not any more. A
+    /// store that keeps changes itself keeps them always.
+    fn set_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
+        let _ = (ns, are_kept);
+        Ok(())
+    }
+
+    /// Opens a change stream of the server behind the store; gives its first events, at most so many.
+    fn server_events(
+        &self,
+        request: EventRequest,
+        most: Option<u64>,
+    ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
+        let _ = (request, most);
+        let reason = "has no server behind it; its changes are those that it keeps".to_owned();
+        Err(StoreError::Unfit { address: self.describe(), reason })
     }
 
     /// The changes that the write transaction has made so far and that are kept, where there are any.

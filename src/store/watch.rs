@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bson::{Bson, DateTime, RawDocumentBuf};
+use bson::{Bson, DateTime, Document, RawArrayBuf, RawDocumentBuf};
 
 use super::error::StoreError;
 use super::namespace::Namespace;
@@ -182,4 +182,39 @@ pub trait Changes {
     /// # Errors
     /// As [`Changes::next`].
     fn renew(&mut self) -> Result<(), StoreError>;
+}
+
+/// A change stream of the server behind a store, as a client asks for it ([`super::Store::server_events`]).
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventRequest {
+    /// Whose changes.
+    pub scope: Scope,
+    /// The options of `$changeStream`, but for the scope.
+    pub options: Document,
+    /// The stages behind it.
+    pub stages: Vec<Document>,
+    /// How their strings compare.
+    pub collation: Option<Document>,
+}
+
+/// Some events of a change stream, as the server sends them.
+#[derive(Debug)]
+pub struct Events {
+    /// The events, in order.
+    pub events: RawArrayBuf,
+    /// How many they are.
+    pub count: usize,
+    /// Where the stream is gone on with behind them.
+    pub token: Option<Document>,
+    /// Whether nothing more comes.
+    pub is_over: bool,
+}
+
+/// The events of a change stream of the server behind a store, which goes on where the server was away.
+pub trait ServerEvents: Send {
+    /// The next events, at most so many, or none if none comes within `wait`.
+    ///
+    /// # Errors
+    /// Where the server has not been there for long, or says that nothing more will come.
+    fn next(&mut self, most: Option<u64>, wait: Duration) -> Result<Events, StoreError>;
 }

@@ -52,7 +52,10 @@ fn cases() -> impl Iterator<Item = (&'static str, Case)> {
         .chain(&watched::CASES)
         .chain(&views::CASES);
     #[cfg(feature = "serve")]
-    let cases = cases.chain(crate::serving::IN_FRONT).chain(crate::serving::BESIDE.into_iter().flatten());
+    let cases = cases
+        .chain(crate::serving::IN_FRONT)
+        .chain(crate::serving::STREAMS_IN_FRONT)
+        .chain(crate::serving::BESIDE.into_iter().flatten());
     cases.chain(planning::CASES).chain(&history::CASES).copied()
 }
 
@@ -62,7 +65,8 @@ type Killer = fn(&Path) -> Result<(), Failed>;
 fn killers() -> impl Iterator<Item = (&'static str, Killer)> {
     let killers = triggers::KILLERS.iter();
     #[cfg(feature = "serve")]
-    let killers = killers.chain(crate::serving::KILLERS).chain(crate::serving::OUTAGES);
+    let killers =
+        killers.chain(crate::serving::KILLERS).chain(crate::serving::OUTAGES).chain(crate::serving::STREAM_KILLERS);
     killers.copied()
 }
 

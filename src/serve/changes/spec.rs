@@ -27,9 +27,11 @@ const STAGES: [&str; 9] = [
 #[derive(Debug, Clone)]
 pub(in crate::serve) struct Spec {
     pub(in crate::serve) scope: Scope,
-    pub(super) start: Start,
+    /// What is said of the stream, but for the scope.
+    pub(super) options: Document,
     pub(super) after: After,
     pub(super) before: Before,
+    pub(super) collation: Option<Document>,
     /// The stages behind `$changeStream`.
     pub(super) stages: Vec<Document>,
 }
@@ -69,7 +71,7 @@ impl Spec {
         let Bson::Document(options) = options else {
             return Err(Failure::new(6_188_500, "$changeStream must take a nested object"));
         };
-        let options = Fields::new("$changeStream", options);
+        let (document, options) = (options, Fields::new("$changeStream", options));
         options.known_inside(&[
             "allChangesForCluster",
             "fullDocument",
@@ -83,11 +85,27 @@ impl Spec {
         check_stages(rest)?;
         Ok(Some(Self {
             scope: scope(request, options)?,
-            start: start(options)?,
+            options: document.clone(),
             after: after(options)?,
             before: before(options)?,
+            collation: request.fields().document("collation")?.cloned(),
             stages: rest.to_vec(),
         }))
+    }
+}
+
+impl Spec {
+    /// Refuses where the stream of a file cannot begin. A MongoDB server has tokens of its own.
+    ///
+    /// # Errors
+    /// Where the token is none of a file, or more than one beginning is named.
+    pub(in crate::serve) fn check_start(&self) -> Result<(), Failure> {
+        self.start().map(drop)
+    }
+
+    /// The same, and where that is.
+    pub(super) fn start(&self) -> Result<Start, Failure> {
+        start(Fields::new("$changeStream", &self.options))
     }
 }
 

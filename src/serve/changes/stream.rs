@@ -17,7 +17,7 @@ use crate::serve::access::Metadata;
 use crate::serve::age::Ages;
 use crate::serve::clock;
 use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
-use crate::store::{ChangeKind, Kept, MAX_SIZE, Scope};
+use crate::store::{ChangeKind, Events, Kept, MAX_SIZE, Scope};
 
 /// An event that is larger is not sent: a document of 16 MB and what is said about it, as in MongoDB.
 const MAX_EVENT: usize = MAX_SIZE + (16 << 10);
@@ -42,14 +42,6 @@ pub(in crate::serve) struct Stream {
     end: Option<Token>,
 }
 
-/// Some events.
-pub(in crate::serve) struct Batch {
-    pub(in crate::serve) events: RawArrayBuf,
-    pub(in crate::serve) count: usize,
-    pub(in crate::serve) token: Document,
-    pub(in crate::serve) is_over: bool,
-}
-
 impl Stream {
     /// Opens a stream; the changes of its scope are being kept.
     ///
@@ -63,7 +55,8 @@ impl Stream {
         metadata: Metadata,
     ) -> Result<Self, Failure> {
         Pipeline::parse(&spec.stages)?;
-        let position = match spec.start {
+        let start = spec.start()?;
+        let position = match start {
             Start::Now => kept.last,
             Start::Behind(token) => token.position,
             Start::At(time) => {
@@ -75,7 +68,7 @@ impl Stream {
                 since.position
             }
         };
-        let from = match spec.start {
+        let from = match start {
             Start::At(time) => Some(time),
             Start::Now | Start::Behind(_) => None,
         };
@@ -91,7 +84,7 @@ impl Stream {
             token: Token { position, kind: TokenKind::Between },
             end: None,
         };
-        if matches!(spec.start, Start::Behind(Token { kind: TokenKind::Change, .. })) {
+        if matches!(start, Start::Behind(Token { kind: TokenKind::Change, .. })) {
             stream.end_behind(memory)?;
         }
         // What is not kept any more is an error now, not later.
@@ -104,7 +97,7 @@ impl Stream {
     }
 
     /// The next events that are there.
-    pub(in crate::serve) fn next(&mut self, memory: &Memory, most: Option<u64>) -> Result<Batch, Failure> {
+    pub(in crate::serve) fn next(&mut self, memory: &Memory, most: Option<u64>) -> Result<Events, Failure> {
         self.used = Instant::now();
         let (mut events, mut bytes, mut count) = (RawArrayBuf::new(), 0, 0);
         while most.is_none_or(|most| (count as u64) < most) {
@@ -132,7 +125,7 @@ impl Stream {
             // Where a stage leaves the end out, the stream is to be gone on with behind it all the same.
             self.token = self.end.unwrap_or(Token { position: self.position, kind: TokenKind::Between });
         }
-        Ok(Batch { events, count, token: self.token.to_document(), is_over })
+        Ok(Events { events, count, token: Some(self.token.to_document()), is_over })
     }
 
     /// Reads the next page of changes; says whether there was one.

@@ -7,7 +7,7 @@ use super::{results, statistics};
 use crate::memory::Memory;
 use crate::query::{Description, Origin, Pipeline, QueryError, type_name};
 use crate::serve::call::Call;
-use crate::serve::changes::{Spec, Stream};
+use crate::serve::changes::{Behind, Following, Spec, Stream};
 use crate::serve::clock;
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
@@ -234,15 +234,34 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
         let message = "$changeStream cannot be used in a transaction";
         return Err(Failure::new(codes::NOT_IN_TRANSACTION, message));
     }
+    let ns = place(&spec.scope);
+    let (stream, first) = match host.memory()?.is_current(&ns)? {
+        true => {
+            let mut stream = open_kept(host, call, spec, &ns)?;
+            let first = stream.next(host.memory()?, Some(crate::serve::cursor::first_batch(batch.size)))?;
+            (Following::File(stream), first)
+        }
+        false => {
+            let (stream, first) = Behind::open(host.memory()?, spec, call.metadata, batch.size)?;
+            (Following::Server(stream), first)
+        }
+    };
+    let id = if first.is_over {
+        0
+    } else {
+        let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
+        host.server.cursors.open(Open::new(ns.clone(), call.request.origin(), owner, host.id))?
+    };
+    super::cursor::stream_reply(id, &ns.to_string(), &first, true)
+}
+
+/// Opens a change stream of a file, whose changes are kept from now on.
+fn open_kept(host: &mut Host<'_>, call: &Call, spec: Spec, ns: &Namespace) -> Result<Stream, Failure> {
     if host.server.options.read_only {
         let message = "changes are not kept where a memory is served read-only, so there are no change streams";
         return Err(Failure::new(codes::ILLEGAL, message));
     }
-    let ns = place(&spec.scope);
-    if !host.memory()?.is_current(&ns)? {
-        let message = "change streams are of databases in a file; this one is on a MongoDB server: connect to that";
-        return Err(Failure::new(codes::NOT_SUPPORTED, message));
-    }
+    spec.check_start()?;
     let (scope, server) = (spec.scope.clone(), std::sync::Arc::clone(&host.server));
     let kept = host.write(
         ns.clone(),
@@ -257,16 +276,7 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
     let number = |name| kept.get_i64(name).map_err(|error| Failure::new(codes::INTERNAL, error.to_string()));
     let is_new = kept.get_bool("isNew").is_ok_and(|is_new| is_new);
     let kept = crate::store::Kept { from: number("from")?, last: number("last")?, is_new };
-    let memory = host.memory()?;
-    let mut stream = Stream::open(memory, spec, kept, (&host.server.scopes, &host.server.ages), call.metadata)?;
-    let first = stream.next(memory, Some(crate::serve::cursor::first_batch(batch.size)))?;
-    let id = if first.is_over {
-        0
-    } else {
-        let owner = Owner::Stream(std::sync::Arc::new(std::sync::Mutex::new(stream)));
-        host.server.cursors.open(Open::new(ns.clone(), call.request.origin(), owner, host.id))?
-    };
-    super::cursor::stream_reply(id, &ns.to_string(), &first, true)
+    Stream::open(host.memory()?, spec, kept, (&host.server.scopes, &host.server.ages), call.metadata)
 }
 
 /// The namespace of a stream's cursor.

@@ -2,7 +2,7 @@
 
 use bson::{Bson, Document, doc};
 
-use super::collection::{ACTION, GRANULARITY, IMAGES, LEVEL, check_images, validation};
+use super::collection::{ACTION, GRANULARITY, IMAGES, LEVEL, images, validation};
 use super::definition::{Command, raw};
 use super::options::{self, Options, Type};
 use crate::memory::Memory;
@@ -45,15 +45,15 @@ const OF_INDEX: Options = &[
 /// Options for views, capped collections and time series.
 const OF_OTHERS: [&str; 6] = ["viewOn", "pipeline", "cappedSize", "cappedMax", "expireAfterSeconds", "timeseries"];
 
-/// An index can be hidden, and be made to remove what has expired; the validator can be changed. Images of documents before
-/// and after changes are always kept. Nothing else can be modified.
+/// An index can be hidden, and be made to remove what has expired; the validator can be changed, and whether a MongoDB
+/// server keeps documents before and after changes. Nothing else can be modified.
 fn modify(memory: &Memory, call: &Call) -> Answer {
     let (ns, fields) = (call.request.namespace()?, call.request.fields());
     options::check("collMod", fields.document, OF_MODIFY)?;
     if fields.text("viewOn")? == Some("") {
         return Err(Failure::new(codes::BAD_VALUE, "'viewOn' cannot be empty"));
     }
-    check_images(fields)?;
+    let images = images(fields)?;
     if !memory.collections_of(&ns.database)?.contains(&ns) {
         return Err(Failure::new(codes::NO_NAMESPACE, format!("ns does not exist: {ns}")));
     }
@@ -76,6 +76,9 @@ fn modify(memory: &Memory, call: &Call) -> Answer {
         return crate::serve::host::empty();
     }
     modify_validation(memory, &ns, fields)?;
+    if let Some(are_kept) = images {
+        memory.set_images(&ns, are_kept)?;
+    }
     match asked {
         Some(asked) => asked.modify(memory, &ns),
         None => crate::serve::host::empty(),

@@ -98,7 +98,7 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     let ns = call.request.namespace()?;
     options::check("create", fields.document, OF_CREATE)?;
     check_dependent(fields)?;
-    check_images(fields)?;
+    let images = images(fields)?;
     if fields.optional_flag("autoIndexId")? == Some(false) {
         let message = format!("autoIndexId:false is not allowed for collection {ns} because it can be replicated");
         return Err(Failure::new(NOT_REPLICATED, message));
@@ -115,6 +115,9 @@ fn create(memory: &Memory, call: &Call) -> Answer {
     if !memory.create_validating(&ns, collation.as_ref(), &validation)? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
+    }
+    if let Some(are_kept) = images {
+        memory.set_images(&ns, are_kept)?;
     }
     crate::serve::host::empty()
 }
@@ -155,20 +158,17 @@ fn check_dependent(fields: Fields<'_>) -> Result<(), Failure> {
     }
 }
 
-/// Images of documents before and after changes are always kept, whether a command asks for them or not; MongoDB refuses to
-/// be asked in both ways.
-pub(super) fn check_images(fields: Fields<'_>) -> Result<(), Failure> {
-    let both = fields.flag("recordPreImages")?
-        && fields
-            .document("changeStreamPreAndPostImages")?
-            .is_some_and(|images| images.get_bool("enabled").unwrap_or(false));
-    match both {
+/// Whether a command says that documents are to be kept as they were before and after changes, or not to be; those of a file
+/// always are. MongoDB refuses to be asked in both ways.
+pub(super) fn images(fields: Fields<'_>) -> Result<Option<bool>, Failure> {
+    let images = fields.document("changeStreamPreAndPostImages")?.and_then(|images| images.get_bool("enabled").ok());
+    match fields.flag("recordPreImages")? && images == Some(true) {
         true => {
             let message =
                 "'recordPreImages' and 'changeStreamPreAndPostImages.enabled' can not be set to true simultaneously";
             Err(Failure::new(codes::INVALID_OPTIONS, message))
         }
-        false => Ok(()),
+        false => Ok(images),
     }
 }
 

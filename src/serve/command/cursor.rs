@@ -9,17 +9,20 @@ use bson::{Bson, RawDocumentBuf, doc};
 use super::definition::{Command, raw};
 use crate::query::QueryError;
 use crate::serve::call::Call;
-use crate::serve::changes::{Batch, Stream};
+use crate::serve::changes::Following;
 use crate::serve::cursor::{Open, Owner};
 use crate::serve::failure::{Answer, Failure, codes};
 use crate::serve::host::Host;
 use crate::serve::request::Request;
+use crate::store::Events;
 
 pub(super) const COMMANDS: &[Command] =
     &[Command::read("getMore", more).transactional(), Command::read("killCursors", kill).transactional()];
 
 /// How long a change stream waits for changes where `maxTimeMS` does not say it, as with MongoDB.
 const DEFAULT_AWAIT_TIME: Duration = Duration::from_secs(1);
+/// How long a MongoDB server behind this one is waited for before it is looked whether the wait is to end.
+const SLICE: Duration = Duration::from_millis(500);
 
 fn more(host: &mut Host<'_>, call: &Call) -> Answer {
     let fields = call.request.fields();
@@ -62,17 +65,22 @@ fn events(
     call: &Call,
     id: i64,
     open: &Open,
-    stream: &Arc<Mutex<Stream>>,
+    stream: &Arc<Mutex<Following>>,
     batch: Option<u64>,
 ) -> Answer {
     let until = Instant::now() + call.request.limit.unwrap_or(DEFAULT_AWAIT_TIME);
     loop {
         let calls = host.server.hub.calls();
         let memory = host.memory()?;
-        let next = {
-            let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
-            host.server.scopes.touch(stream.scope());
-            stream.next(memory, batch)
+        let (next, is_of_file) = match &mut *stream.lock().unwrap_or_else(PoisonError::into_inner) {
+            Following::File(stream) => {
+                host.server.scopes.touch(stream.scope());
+                (stream.next(memory, batch), true)
+            }
+            Following::Server(stream) => {
+                let wait = until.saturating_duration_since(Instant::now()).min(SLICE);
+                (host.server.turns.paused(|| stream.next(batch, wait)), false)
+            }
         };
         let next = next.inspect_err(|_| host.server.cursors.forget(id))?;
         if next.count > 0 || next.is_over || Instant::now() >= until {
@@ -86,15 +94,20 @@ fn events(
         if host.server.cursors.get(id).is_none() {
             return Err(Failure::new(codes::CURSOR_KILLED, format!("cursor id {id} was killed")));
         }
-        host.wait_for_changes(calls, until);
+        match is_of_file {
+            true => host.wait_for_changes(calls, until),
+            false => host.handle_messages(),
+        }
     }
 }
 
 /// The answer with events of a change stream.
-pub(super) fn stream_reply(id: i64, ns: &str, batch: &Batch, is_first: bool) -> Answer {
+pub(super) fn stream_reply(id: i64, ns: &str, batch: &Events, is_first: bool) -> Answer {
     let mut cursor = RawDocumentBuf::new();
     cursor.append(if is_first { cstr!("firstBatch") } else { cstr!("nextBatch") }, batch.events.as_ref());
-    cursor.append(cstr!("postBatchResumeToken"), RawDocumentBuf::try_from(&batch.token)?);
+    if let Some(token) = &batch.token {
+        cursor.append(cstr!("postBatchResumeToken"), RawDocumentBuf::try_from(token)?);
+    }
     cursor.append(cstr!("id"), id);
     cursor.append(cstr!("ns"), ns);
     let mut reply = RawDocumentBuf::new();

@@ -54,6 +54,12 @@ impl MongoDb {
         Ok(*self.version.get_or_init(|| version) >= least)
     }
 
+    /// Makes the server keep images of the collection, which is there, or not any more.
+    pub(super) fn change_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
+        let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": { "enabled": are_kept } };
+        self.client().database(&ns.database).run_command(modify).run().map(drop).map_err(|e| self.explain(&e))
+    }
+
     /// Makes the server keep images of the collection, which is made where it is
     /// missing. Where that is not allowed, changes come without the document before.
     pub(super) fn keep_images(&self, ns: &Namespace, create: bool) -> Result<(), StoreError> {

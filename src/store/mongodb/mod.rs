@@ -13,6 +13,7 @@ mod client;
 mod dates;
 mod differing;
 mod entry;
+mod events;
 mod explain;
 mod failure;
 mod find_and_modify;

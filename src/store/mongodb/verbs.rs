@@ -23,9 +23,9 @@ use crate::store::metadata;
 use crate::store::namespace::{NO_COLLECTION, is_internal};
 use crate::store::validation::During;
 use crate::store::{
-    Aggregation, Changes, Documents, Find, FindAndModify, History, HistoryRule, Index, IndexChange, Inserted,
-    Modification, Modified, Modifiers, Name, Namespace, Put, Query, Store, StoreError, UpdateRequest, UpdateSpec,
-    Updated, Validated, Validation, Values, WriteConcern,
+    Aggregation, Changes, Documents, EventRequest, Events, Find, FindAndModify, History, HistoryRule, Index,
+    IndexChange, Inserted, Modification, Modified, Modifiers, Name, Namespace, Put, Query, ServerEvents, Store,
+    StoreError, UpdateRequest, UpdateSpec, Updated, Validated, Validation, Values, WriteConcern,
 };
 
 /// How many removed documents are known by their `_id`s, at most.
@@ -253,6 +253,18 @@ impl Store for MongoDb {
 
     fn watch(&self, ns: &Namespace, name: Option<&str>) -> Result<Box<dyn Changes + '_>, StoreError> {
         self.follow(ns, name)
+    }
+
+    fn set_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
+        self.change_images(ns, are_kept)
+    }
+
+    fn server_events(
+        &self,
+        request: EventRequest,
+        most: Option<u64>,
+    ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
+        self.open_events(request, most)
     }
 
     fn forget(&self, ns: &Namespace, name: &str) -> Result<bool, StoreError> {

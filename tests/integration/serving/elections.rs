@@ -10,6 +10,7 @@ use mongodb::options::{ReadConcern, WriteConcern};
 use mongodb::sync::{Client, Database};
 
 use super::Served;
+use super::front_streams::Follower;
 use crate::mongod::{Mongod, admin};
 use crate::processes::until;
 
@@ -71,7 +72,9 @@ fn elections(program: &Path) -> Result<(), Failed> {
     let (mut members, uri) = Mongod::members(program)?;
     let served = Served::start_memory(folder.path(), &uri, &["--listen", "127.0.0.1:0"])?;
     let (acknowledged, stop) = (AtomicU64::new(0), AtomicBool::new(false));
-    let told = std::thread::scope(|scope| -> Result<Vec<Told>, Failed> {
+    let follower = Follower::open(served.address(), "elections", Some("things"), doc! {}, &[])?;
+    let (told, heard) = std::thread::scope(|scope| -> Result<(Vec<Told>, Vec<String>), Failed> {
+        let follower = scope.spawn(|| follower.inserted(&stop, "the last"));
         let majority = WriteConcern::builder().w(mongodb::options::Acknowledgment::Majority).build();
         let options = mongodb::options::DatabaseOptions::builder().write_concern(majority).build();
         let mut clients = Vec::new();
@@ -101,11 +104,19 @@ fn elections(program: &Path) -> Result<(), Failed> {
         stop.store(true, Ordering::SeqCst);
         let told = clients.into_iter().map(|client| client.join().map_err(|_| Failed::from("a client panicked")));
         let told = told.collect::<Result<Vec<_>, _>>()?;
-        tried.map(|()| told)
+        let database = served.client()?.database_with_options("elections", options);
+        let last = database.collection::<Document>("things").insert_one(doc! { "_id": "the last" }).run();
+        let heard = follower.join().map_err(|_| Failed::from("the follower panicked"))?;
+        tried?;
+        last?;
+        Ok((told, heard?))
     })?;
     let behind = Client::with_uri_str(&uri)?.database("elections");
     let found = behind.collection::<Document>("things").find(doc! {}).read_concern(ReadConcern::majority()).run()?;
     let stored = found.map(|found| Ok(found?.get_str("_id")?.to_owned())).collect::<Result<BTreeSet<_>, Failed>>()?;
+    // What was stored is heard of once, by a stream that nobody had to open again.
+    assert_eq!(heard.len(), stored.len(), "{:?}", stored.difference(&heard.iter().cloned().collect()));
+    assert_eq!(heard.into_iter().collect::<BTreeSet<_>>(), stored);
     for (client, told) in (0..).zip(&told) {
         let lost: Vec<_> = told.inserted.difference(&stored).collect();
         assert!(lost.is_empty(), "{lost:?} were acknowledged");

@@ -7,6 +7,7 @@ mod elections;
 pub(crate) mod executive;
 mod failures;
 mod front;
+mod front_streams;
 mod keys;
 mod kills;
 mod login;
@@ -33,6 +34,7 @@ use mongodb::sync::Client;
 pub(crate) use elections::KILLERS;
 pub(crate) use failures::full_disk;
 pub(crate) use front::CASES as IN_FRONT;
+pub(crate) use front_streams::{CASES as STREAMS_IN_FRONT, KILLERS as STREAM_KILLERS};
 pub(crate) use outages::KILLERS as OUTAGES;
 pub(crate) use suites::stop;
 

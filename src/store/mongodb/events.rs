@@ -1,0 +1,208 @@
+//! A change stream of the server, passed on to a client as the server sends it.
+//!
+//! The driver's own streams do not say where a batch ends, so that whoever passes batches on would wait behind each. Here the
+//! commands are sent as they are: `aggregate`, `getMore`, `killCursors`.
+
+use std::time::{Duration, Instant};
+
+use bson::{Bson, Document, RawArrayBuf, RawDocumentBuf, doc};
+use mongodb::options::{ReadPreference, SelectionCriteria};
+use mongodb::sync::{Client, ClientSession};
+
+use super::{MongoDb, failure};
+use crate::query::QueryError;
+use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError};
+
+/// How long the server may be away, or without a primary, before the stream ends with an error.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long a server that was just lost is not asked again.
+const RETRY_INTERVAL: Duration = Duration::from_millis(200);
+/// Where a stream begins: by one of these.
+const STARTS: [&str; 3] = ["resumeAfter", "startAfter", "startAtOperationTime"];
+
+/// An open change stream.
+struct ServerStream {
+    client: Client,
+    address: String,
+    /// The cursor belongs to it.
+    session: ClientSession,
+    request: EventRequest,
+    cursor: Cursor,
+    /// Behind what was given.
+    token: Option<Document>,
+    /// Since when the server is away.
+    away: Option<Instant>,
+}
+
+/// The cursor of the stream on the server.
+enum Cursor {
+    Open {
+        id: i64,
+        collection: String,
+    },
+    /// The server, or its cursor, was lost: the stream is to be opened again.
+    Lost,
+    /// The server has ended it.
+    Over,
+}
+
+impl MongoDb {
+    pub(super) fn open_events(
+        &self,
+        request: EventRequest,
+        most: Option<u64>,
+    ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
+        let explain = |error: mongodb::error::Error| explain(&self.address, &error);
+        let mut stream = ServerStream {
+            client: self.client().clone(),
+            address: self.address.clone(),
+            session: session(self.client()).map_err(explain)?,
+            request,
+            cursor: Cursor::Lost,
+            token: None,
+            away: None,
+        };
+        let answer = stream.open(most).map_err(explain)?;
+        let first = stream.receive(&answer)?;
+        Ok((Box::new(stream), first))
+    }
+}
+
+/// A session whose reads do not wait for what it has seen.
+fn session(client: &Client) -> mongodb::error::Result<ClientSession> {
+    client.start_session().causal_consistency(false).run()
+}
+
+impl ServerStream {
+    /// Opens the stream of the server, behind what was given, or else where it was asked to begin.
+    fn open(&mut self, most: Option<u64>) -> mongodb::error::Result<Document> {
+        let request = &self.request;
+        let mut options = request.options.clone();
+        if let Some(token) = &self.token {
+            STARTS.iter().for_each(|name| drop(options.remove(name)));
+            options.insert("startAfter", token.clone());
+        }
+        let (database, target) = match &request.scope {
+            Scope::Collection(ns) => (ns.database.as_str(), Bson::from(ns.collection.as_str())),
+            Scope::Database(database) => (database.as_str(), 1.into()),
+            Scope::All => {
+                options.insert("allChangesForCluster", true);
+                ("admin", 1.into())
+            }
+        };
+        let mut stages = vec![doc! { "$changeStream": options }];
+        stages.extend(request.stages.iter().cloned());
+        let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": sized(most) };
+        command.extend(request.collation.clone().map(|collation| ("collation".to_owned(), collation.into())));
+        let database = database.to_owned();
+        self.run(&database, command)
+    }
+
+    fn run(&mut self, database: &str, command: Document) -> mongodb::error::Result<Document> {
+        let primary = SelectionCriteria::ReadPreference(ReadPreference::Primary);
+        let database = self.client.database(database);
+        database.run_command(command).selection_criteria(primary).session(&mut self.session).run()
+    }
+
+    /// One question to the server.
+    fn ask(&mut self, most: Option<u64>, wait: Duration) -> mongodb::error::Result<Option<Document>> {
+        match &self.cursor {
+            Cursor::Over => Ok(None),
+            Cursor::Lost => {
+                self.session = session(&self.client)?;
+                self.open(most).map(Some)
+            }
+            Cursor::Open { id, collection } => {
+                // Where 0 stands for, the server waits for a second.
+                let wait = i64::try_from(wait.as_millis()).unwrap_or(i64::MAX).max(1);
+                let mut command = doc! { "getMore": id, "collection": collection, "maxTimeMS": wait };
+                command.extend(sized(most));
+                let database = database_of(&self.request.scope).to_owned();
+                self.run(&database, command).map(Some)
+            }
+        }
+    }
+
+    /// Reads an answer with events.
+    fn receive(&mut self, answer: &Document) -> Result<Events, StoreError> {
+        let cursor = answer.get_document("cursor").map_err(|error| self.unclear(&error.to_string()))?;
+        let id = cursor.get_i64("id").map_err(|error| self.unclear(&error.to_string()))?;
+        let batch = cursor.get_array("nextBatch").or_else(|_| cursor.get_array("firstBatch"));
+        let (mut events, mut count, mut last) = (RawArrayBuf::new(), 0, None);
+        for event in batch.into_iter().flatten().filter_map(Bson::as_document) {
+            events.push(RawDocumentBuf::try_from(event).map_err(QueryError::from)?.as_ref());
+            (count, last) = (count + 1, event.get_document("_id").ok());
+        }
+        let token = cursor.get_document("postBatchResumeToken").ok().or(last).cloned();
+        self.token = token.or_else(|| self.token.take());
+        let name = cursor.get_str("ns").unwrap_or_default().split_once('.');
+        self.cursor = match (id, name) {
+            (0, _) => Cursor::Over,
+            (id, name) => Cursor::Open { id, collection: name.map_or("", |(_, name)| name).to_owned() },
+        };
+        Ok(Events { events, count, token: self.token.clone(), is_over: id == 0 })
+    }
+
+    fn nothing(&self) -> Events {
+        let is_over = matches!(self.cursor, Cursor::Over);
+        Events { events: RawArrayBuf::new(), count: 0, token: self.token.clone(), is_over }
+    }
+
+    fn unclear(&self, reason: &str) -> StoreError {
+        let reason = format!("its answer about a change stream cannot be read: {reason}");
+        StoreError::Failed { address: self.address.clone(), reason }
+    }
+}
+
+impl ServerEvents for ServerStream {
+    fn next(&mut self, most: Option<u64>, wait: Duration) -> Result<Events, StoreError> {
+        let since = Instant::now();
+        match self.ask(most, wait) {
+            Ok(answer) => {
+                self.away = None;
+                match answer {
+                    Some(answer) => self.receive(&answer),
+                    None => Ok(self.nothing()),
+                }
+            }
+            // Without a token, nobody knows where it is to go on.
+            Err(error) if failure::is_passing(&error) && self.token.is_some() => {
+                self.cursor = Cursor::Lost;
+                if self.away.get_or_insert(since).elapsed() > PATIENCE {
+                    return Err(explain(&self.address, &error));
+                }
+                std::thread::sleep(wait.min(RETRY_INTERVAL).saturating_sub(since.elapsed()));
+                Ok(self.nothing())
+            }
+            Err(error) => Err(explain(&self.address, &error)),
+        }
+    }
+}
+
+impl Drop for ServerStream {
+    fn drop(&mut self) {
+        let Cursor::Open { id, collection } = &self.cursor else { return };
+        let database = self.client.database(database_of(&self.request.scope));
+        let command = doc! { "killCursors": collection, "cursors": [*id] };
+        // Whoever closes a stream does not wait for the server. One that is not told closes the cursor after ten minutes.
+        std::thread::spawn(move || database.run_command(command).run());
+    }
+}
+
+/// The database to whose cursors that of the stream belongs.
+fn database_of(scope: &Scope) -> &str {
+    scope.database().unwrap_or("admin")
+}
+
+fn sized(most: Option<u64>) -> Document {
+    most.map(|most| doc! { "batchSize": i64::try_from(most).unwrap_or(i64::MAX) }).unwrap_or_default()
+}
+
+fn explain(address: &str, error: &mongodb::error::Error) -> StoreError {
+    match failure::code(error) {
+        Some(failure::NO_STREAMS) => {
+            StoreError::Failed { address: address.to_owned(), reason: failure::STANDALONE.to_owned() }
+        }
+        _ => failure::explain(address, error),
+    }
+}
