@@ -41,7 +41,7 @@ pub(super) fn run(args: &CreateArgs, context: &mut Context<'_>) -> Result<Exit> 
     let collation = args.collation.read()?.filter(|collation| !collation.is_simple());
     let validation = Validation::read(&args.validation.options()?)?;
     let (namespace, memory) = (&args.namespace, context.memory()?);
-    let made = memory.create_validating(namespace, collation.as_ref(), &validation);
+    let made = memory.create_validating(namespace, collation.as_ref(), &validation, None);
     let made = made.map_err(|error| args.validation.blame(error))?;
     context.print_report([], doc! { "ns": namespace.to_string(), "created": made })?;
     if !made && memory.collation(namespace)? != collation {

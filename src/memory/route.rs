@@ -422,6 +422,11 @@ impl Routes {
         Some(format!("{} at {}", self.shared_databases.join(", "), shared.describe()))
     }
 
+    /// The databases in the shared store, where that is another than the local one.
+    pub(super) fn databases_elsewhere(&self) -> &[String] {
+        if self.shared.is_some() { &self.shared_databases } else { &[] }
+    }
+
     pub(super) fn is_shared(&self, ns: &Namespace) -> bool {
         self.shared_databases.contains(&ns.database)
     }

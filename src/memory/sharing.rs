@@ -216,8 +216,9 @@ impl Memory {
         ns: &Namespace,
         collation: Option<&Collation>,
         validation: &Validation,
+        images: Option<bool>,
     ) -> Result<bool, StoreError> {
-        let work = || self.routes.of(ns)?.create_validating(ns, collation, validation);
+        let work = || self.routes.of(ns)?.create_validating(ns, collation, validation, images);
         self.journal.note("create", Some(ns), |made| u64::from(*made), work)
     }
 
@@ -275,6 +276,12 @@ impl Memory {
     /// Where the store's server cannot be reached or refuses.
     pub fn set_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
         self.bare(ns)?.set_images(ns, are_kept)
+    }
+
+    /// The databases that are not in the store where all others are.
+    #[must_use]
+    pub fn databases_elsewhere(&self) -> &[String] {
+        self.routes.databases_elsewhere()
     }
 
     /// See [`Store::server_events`].

@@ -65,6 +65,7 @@ pub(super) mod codes {
     pub(in crate::serve) const UNKNOWN_STAGE: i32 = 40_324;
     pub(in crate::serve) const UNKNOWN_FIELD: i32 = 40_415;
     pub(in crate::serve) const MISSING_FIELD: i32 = 40_414;
+    pub(in crate::serve) const NOT_FIRST: i32 = 40_602;
     pub(in crate::serve) const NOT_RETRYABLE: i32 = 50_768;
     pub(in crate::serve) const NO_NUMBER: i32 = 50_889;
     pub(in crate::serve) const NO_UNIQUE_INDEX: i32 = 51_183;
@@ -76,6 +77,9 @@ pub(super) const TRANSIENT: &str = "TransientTransactionError";
 
 /// The label of what ends a change stream for good.
 pub(super) const NOT_RESUMABLE: &str = "NonResumableChangeStreamError";
+
+/// The label of what a change stream goes on behind, once it is opened again.
+pub(super) const RESUMABLE: &str = "ResumableChangeStreamError";
 
 /// The label of what drivers repeat: it was certainly not done.
 pub(super) const RETRYABLE: &str = "RetryableWriteError";

@@ -188,12 +188,14 @@ pub trait Store: Send {
     /// [`Store::indexes`] lists has the collation. Durable on return.
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError>;
 
-    /// Makes an empty collection as [`Store::create`] does, that takes certain documents.
+    /// Makes an empty collection as [`Store::create`] does, that takes certain documents; where it says so, it keeps them for
+    /// change streams as [`Store::set_images`] has it.
     fn create_validating(
         &self,
         ns: &Namespace,
         collation: Option<&Collation>,
         validation: &Validation,
+        _images: Option<bool>,
     ) -> Result<bool, StoreError> {
         let mut is_new = false;
         self.atomically(&mut || {
@@ -408,8 +410,7 @@ pub trait Store: Send {
         Ok(None)
     }
 
-    /// Reports to those that follow a database, where the store keeps changes, that it was removed; its collections were
-    /// dropped before.
+    /// Removes a database whose collections were dropped before: those that follow it hear of that.
     fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
         let _ = database;
         Ok(())

@@ -1,6 +1,6 @@
 //! The changes of a collection, as they are made: what triggers are built on.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bson::{Bson, DateTime, Document, RawArrayBuf, RawDocumentBuf};
 
@@ -191,10 +191,14 @@ pub struct EventRequest {
     pub scope: Scope,
     /// The options of `$changeStream`, but for the scope.
     pub options: Document,
+    /// The moment with whose changes it begins, where that is not said by the options: the server's clock may be another.
+    pub since: Option<Instant>,
     /// The stages behind it.
     pub stages: Vec<Document>,
     /// How their strings compare.
     pub collation: Option<Document>,
+    /// The values of their variables.
+    pub variables: Option<Document>,
 }
 
 /// Some events of a change stream, as the server sends them.

@@ -10,9 +10,9 @@ use super::spec::Spec;
 use crate::memory::Memory;
 use crate::serve::access::Metadata;
 use crate::serve::clock;
-use crate::serve::failure::{Failure, NOT_RESUMABLE, codes};
+use crate::serve::failure::{Failure, NOT_RESUMABLE, RESUMABLE, codes};
 use crate::store::metadata::INFO;
-use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError};
+use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError, index};
 
 /// An open change stream of the server behind.
 pub(in crate::serve) struct Behind {
@@ -21,7 +21,7 @@ pub(in crate::serve) struct Behind {
 }
 
 impl Behind {
-    /// Opens a stream; gives its first events, at most so many.
+    /// Opens a stream; gives its first events, at most so many. `now` is the time as this server tells it.
     ///
     /// # Errors
     /// Where the server behind cannot be reached, or refuses.
@@ -29,16 +29,24 @@ impl Behind {
         memory: &Memory,
         spec: Spec,
         metadata: Metadata,
+        now: Timestamp,
         most: Option<u64>,
     ) -> Result<(Self, Events), Failure> {
-        let mut stages = stages(&spec.scope, metadata);
+        let mut stages = stages(memory, &spec.scope, &spec.options, metadata);
         stages.extend(spec.stages);
-        let mut options = spec.options;
+        let (mut options, mut since) = (spec.options, None);
         options.remove("allChangesForCluster");
-        if let Some(Bson::Timestamp(time)) = options.get_mut("startAtOperationTime") {
-            *time = time_of_server(*time);
+        if let Some(told) = options.get_timestamp("startAtOperationTime").ok().filter(|time| clock::is_counted(*time)) {
+            // The server behind counts otherwise, and its clock may be another.
+            let now = clock::date(now).timestamp_millis();
+            let ago = u64::try_from(now - clock::date(told).timestamp_millis()).unwrap_or_default();
+            since = Instant::now().checked_sub(Duration::from_millis(ago));
+            if since.is_some() {
+                options.remove("startAtOperationTime");
+            }
         }
-        let request = EventRequest { scope: spec.scope, options, stages, collation: spec.collation };
+        let (scope, collation, variables) = (spec.scope, spec.collation, spec.variables);
+        let request = EventRequest { scope, options, since, stages, collation, variables };
         let (events, first) = memory.server_events(request, most).map_err(ending)?;
         Ok((Self { used: Instant::now(), events }, first))
     }
@@ -58,19 +66,14 @@ fn ending(error: StoreError) -> Failure {
     let failure = Failure::from(error);
     match failure.code {
         codes::STREAM_FATAL | codes::HISTORY_LOST => failure.labeled(NOT_RESUMABLE),
+        codes::UNREACHABLE => Failure { labels: vec![RESUMABLE], ..failure },
         _ => failure,
     }
 }
 
-/// The time of the server behind that stands for one that this server told: the two count differently within a second, so
-/// it is the beginning of that.
-fn time_of_server(time: Timestamp) -> Timestamp {
-    if clock::is_counted(time) { Timestamp { increment: 1, ..time } } else { time }
-}
-
-/// The stages that leave out what a client does not see: rmem's own collections, documents that a computable made, metadata,
-/// and updates of nothing else.
-fn stages(scope: &Scope, metadata: Metadata) -> Vec<Document> {
+/// The stages that leave out what a client does not see: rmem's own collections and index, documents that a computable made,
+/// databases of another store, metadata, and updates of nothing else.
+fn stages(memory: &Memory, scope: &Scope, options: &Document, metadata: Metadata) -> Vec<Document> {
     if metadata == Metadata::Own {
         return Vec::new();
     }
@@ -81,9 +84,16 @@ fn stages(scope: &Scope, metadata: Metadata) -> Vec<Document> {
     if !matches!(scope, Scope::Collection(_)) {
         is_seen.insert("ns.coll", doc! { "$not": { "$regex": "^rmem\\." } });
     }
+    let elsewhere = memory.databases_elsewhere();
+    if *scope == Scope::All && !elsewhere.is_empty() {
+        is_seen.insert("ns.db", doc! { "$nin": elsewhere });
+    }
     let mut stages = vec![doc! { "$match": is_seen }];
     if metadata == Metadata::Hidden {
         stages.extend(hiding());
+        if options.get_bool("showExpandedEvents").unwrap_or(false) {
+            stages.push(without_index());
+        }
     }
     stages
 }
@@ -93,10 +103,19 @@ fn hiding() -> [Document; 3] {
     let is_shown = |path: &str| doc! { "$ne": [{ "$first": { "$split": [path, "."] } }, INFO] };
     let filtered =
         |input: Bson, path: &str| doc! { "$filter": { "input": input, "as": "path", "cond": is_shown(path) } };
-    let fields = doc! { "$objectToArray": "$updateDescription.updatedFields" };
+    let keys_filtered = |field: &str| {
+        let keys = doc! { "$objectToArray": field };
+        doc! { "$arrayToObject": filtered(keys.into(), "$$path.k") }
+    };
+    // What a version of the server does not say is not there.
+    let where_it_is =
+        |field: &str, filtered: Document| doc! { "$cond": [{ "$gt": [field, Bson::Null] }, filtered, "$$REMOVE"] };
+    let (cut, ambiguous) = ("$updateDescription.truncatedArrays", "$updateDescription.disambiguatedPaths");
     let update = doc! {
-        "updatedFields": { "$arrayToObject": filtered(fields.into(), "$$path.k") },
+        "updatedFields": keys_filtered("$updateDescription.updatedFields"),
         "removedFields": filtered("$updateDescription.removedFields".into(), "$$path"),
+        "truncatedArrays": where_it_is(cut, filtered(cut.into(), "$$path.field")),
+        "disambiguatedPaths": where_it_is(ambiguous, keys_filtered(ambiguous)),
     };
     let is_update = doc! { "$eq": ["$operationType", "update"] };
     let shown = doc! { "$mergeObjects": ["$updateDescription", update] };
@@ -110,4 +129,13 @@ fn hiding() -> [Document; 3] {
         }] } },
         doc! { "$unset": [format!("fullDocument.{INFO}"), format!("fullDocumentBeforeChange.{INFO}")] },
     ]
+}
+
+/// The stage that leaves out what is done to the index by which rmem finds what has decayed.
+fn without_index() -> Document {
+    let all = doc! { "$ifNull": ["$operationDescription.indexes.name", []] };
+    let is_one = doc! { "$eq": ["$operationDescription.index.name", index::DECAY] };
+    let is_own = doc! { "$or": [{ "$in": [index::DECAY, all] }, is_one] };
+    // Written with `$nor`, MongoDB 6.0 makes a condition of it that it refuses itself.
+    doc! { "$match": { "$expr": { "$not": [is_own] } } }
 }

@@ -32,6 +32,7 @@ pub(in crate::serve) struct Spec {
     pub(super) after: After,
     pub(super) before: Before,
     pub(super) collation: Option<Document>,
+    pub(super) variables: Option<Document>,
     /// The stages behind `$changeStream`.
     pub(super) stages: Vec<Document>,
 }
@@ -83,12 +84,14 @@ impl Spec {
         ])?;
         options.strict_flag("showExpandedEvents")?;
         check_stages(rest)?;
+        check_concern(request)?;
         Ok(Some(Self {
             scope: scope(request, options)?,
             options: document.clone(),
             after: after(options)?,
             before: before(options)?,
             collation: request.fields().document("collation")?.cloned(),
+            variables: request.fields().document("let")?.cloned(),
             stages: rest.to_vec(),
         }))
     }
@@ -112,6 +115,9 @@ impl Spec {
 fn check_stages(stages: &[Document]) -> Result<(), Failure> {
     for stage in stages {
         let Some(name) = stage.keys().next() else { continue };
+        if name == "$changeStream" {
+            return Err(Failure::new(codes::NOT_FIRST, "$changeStream is only valid as the first stage in a pipeline"));
+        }
         if name == "$changeStreamSplitLargeEvent" {
             return Err(Failure::unsupported("the stage $changeStreamSplitLargeEvent"));
         }
@@ -124,6 +130,18 @@ fn check_stages(stages: &[Document]) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// Changes are reported once a majority has them, and not before.
+fn check_concern(request: &Request) -> Result<(), Failure> {
+    let concern = request.fields().document("readConcern")?;
+    match concern.and_then(|concern| concern.get_str("level").ok()) {
+        None | Some("majority") => Ok(()),
+        Some(level) => {
+            let message = format!("$changeStream cannot run with a readConcern other than 'majority', found '{level}'");
+            Err(Failure::new(codes::INVALID_OPTIONS, message))
+        }
+    }
 }
 
 fn scope(request: &Request, options: Fields<'_>) -> Result<Scope, Failure> {

@@ -242,7 +242,8 @@ fn follow(host: &mut Host<'_>, call: &Call, spec: Spec, batch: FirstBatch) -> An
             (Following::File(stream), first)
         }
         false => {
-            let (stream, first) = Behind::open(host.memory()?, spec, call.metadata, batch.size)?;
+            let (stream, first) =
+                Behind::open(host.memory()?, spec, call.metadata, host.server.clock.now(), batch.size)?;
             (Following::Server(stream), first)
         }
     };

@@ -112,12 +112,9 @@ fn create(memory: &Memory, call: &Call) -> Answer {
         super::index::check_ids(definition, collation.as_ref())?;
     }
     let validation = validation(memory, &ns, fields)?;
-    if !memory.create_validating(&ns, collation.as_ref(), &validation)? {
+    if !memory.create_validating(&ns, collation.as_ref(), &validation, images)? {
         let message = format!("Collection {ns} already exists.");
         return Err(Failure::new(codes::NAMESPACE_EXISTS, message));
-    }
-    if let Some(are_kept) = images {
-        memory.set_images(&ns, are_kept)?;
     }
     crate::serve::host::empty()
 }

@@ -68,7 +68,8 @@ fn events(
     stream: &Arc<Mutex<Following>>,
     batch: Option<u64>,
 ) -> Answer {
-    let until = Instant::now() + call.request.limit.unwrap_or(DEFAULT_AWAIT_TIME);
+    let default = if call.request.body.contains_key("maxTimeMS") { Duration::ZERO } else { DEFAULT_AWAIT_TIME };
+    let until = Instant::now() + call.request.limit.unwrap_or(default);
     loop {
         let calls = host.server.hub.calls();
         let memory = host.memory()?;
@@ -83,6 +84,9 @@ fn events(
             }
         };
         let next = next.inspect_err(|_| host.server.cursors.forget(id))?;
+        if next.count == 0 {
+            call.request.check_ending().inspect_err(|_| host.server.cursors.forget(id))?;
+        }
         if next.count > 0 || next.is_over || Instant::now() >= until {
             if next.is_over {
                 host.server.cursors.forget(id);
@@ -90,7 +94,6 @@ fn events(
             return stream_reply(if next.is_over { 0 } else { id }, &open.namespace.to_string(), &next, false);
         }
         host.server.check_running()?;
-        call.request.check_ending().inspect_err(|_| host.server.cursors.forget(id))?;
         if host.server.cursors.get(id).is_none() {
             return Err(Failure::new(codes::CURSOR_KILLED, format!("cursor id {id} was killed")));
         }

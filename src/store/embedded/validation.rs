@@ -248,7 +248,7 @@ mod tests {
         let store = Embedded::in_memory().unwrap();
         let schema = doc! { "additionalProperties": false, "properties": { "_id": {}, "n": { "minimum": 1 } } };
         let validator = Some(doc! { "$jsonSchema": schema });
-        store.create_validating(&ns(), None, &Validation { validator, ..Validation::default() }).unwrap();
+        store.create_validating(&ns(), None, &Validation { validator, ..Validation::default() }, None).unwrap();
         let at = DateTime::from_millis(5);
         store.insert(&ns(), vec![doc! { "_id": 1, "n": 1, metadata::INFO: { metadata::INSERTED: at } }]).unwrap();
         store.update(&ns(), &set(1, doc! { "n": 2 }), Some(at)).unwrap();
@@ -261,7 +261,9 @@ mod tests {
         let store = Embedded::in_memory().unwrap();
         let collation = Collation::parse(&doc! { "locale": "en", "strength": 2 }).unwrap();
         let validator = Some(doc! { "name": "ABC" });
-        store.create_validating(&ns(), Some(&collation), &Validation { validator, ..Validation::default() }).unwrap();
+        store
+            .create_validating(&ns(), Some(&collation), &Validation { validator, ..Validation::default() }, None)
+            .unwrap();
         store.insert(&ns(), vec![doc! { "_id": 1, "name": "abc" }]).unwrap();
         assert!(store.insert(&ns(), vec![doc! { "_id": 2, "name": "abx" }]).is_err());
     }
@@ -300,7 +302,7 @@ mod tests {
         let store = Embedded::open(&path).unwrap();
         let (from, new) = (Namespace::parse("a.from").unwrap(), Namespace::parse("a.new").unwrap());
         store.insert(&from, vec![doc! { "_id": 6, "n": 6 }]).unwrap();
-        store.create_validating(&ns(), None, &positive()).unwrap();
+        store.create_validating(&ns(), None, &positive(), None).unwrap();
         store.create_index(&ns(), &Index::on(doc! { "n": 1 })).unwrap();
         let out = [doc! { "$out": "b" }];
         store.aggregate(&from, (&out).into()).unwrap().for_each(drop);
@@ -330,7 +332,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("robot.rmem");
         let store = Embedded::open(&path).unwrap();
-        store.create_validating(&ns(), None, &positive()).unwrap();
+        store.create_validating(&ns(), None, &positive(), None).unwrap();
         store.insert(&ns(), vec![doc! { "_id": 1, "n": 1 }]).unwrap();
         store.connection.execute("UPDATE validators SET options = x'05'", []).unwrap();
         let error = Embedded::open(&path).unwrap().insert(&ns(), vec![doc! { "n": 2 }]).unwrap_err().to_string();

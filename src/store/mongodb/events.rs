@@ -5,16 +5,22 @@
 
 use std::time::{Duration, Instant};
 
-use bson::{Bson, Document, RawArrayBuf, RawDocumentBuf, doc};
+use bson::{Bson, DateTime, Document, RawArrayBuf, RawDocumentBuf, Timestamp, doc};
 use mongodb::options::{ReadPreference, SelectionCriteria};
 use mongodb::sync::{Client, ClientSession};
 
+use super::action::max_time;
 use super::{MongoDb, failure};
 use crate::query::QueryError;
+use crate::saturate::to_i64;
 use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError};
 
-/// How long the server may be away, or without a primary, before the stream ends with an error.
+/// How long the server is asked in vain before the stream ends with an error …
 const PATIENCE: Duration = Duration::from_secs(30);
+/// … and before it is not opened at all. The driver itself looks for a primary for 4 s.
+const OPENING_PATIENCE: Duration = Duration::from_secs(4);
+/// At most so many events are asked for at once: the driver decodes all of them before they are passed on.
+const MOST: u64 = 1_000;
 /// How long a server that was just lost is not asked again.
 const RETRY_INTERVAL: Duration = Duration::from_millis(200);
 /// Where a stream begins: by one of these.
@@ -30,8 +36,8 @@ struct ServerStream {
     cursor: Cursor,
     /// Behind what was given.
     token: Option<Document>,
-    /// Since when the server is away.
-    away: Option<Instant>,
+    /// How long the server has been asked in vain.
+    away: Duration,
 }
 
 /// The cursor of the stream on the server.
@@ -53,6 +59,13 @@ impl MongoDb {
         most: Option<u64>,
     ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
         let explain = |error: mongodb::error::Error| explain(&self.address, &error);
+        let mut request = request;
+        if let Some(since) = request.since {
+            let hello = self.hello().map_err(explain)?;
+            if let Ok(now) = hello.get_datetime("localTime") {
+                request.options.insert("startAtOperationTime", second_of(*now, since.elapsed()));
+            }
+        }
         let mut stream = ServerStream {
             client: self.client().clone(),
             address: self.address.clone(),
@@ -60,12 +73,26 @@ impl MongoDb {
             request,
             cursor: Cursor::Lost,
             token: None,
-            away: None,
+            away: Duration::ZERO,
         };
-        let answer = stream.open(most).map_err(explain)?;
+        let since = Instant::now();
+        let answer = loop {
+            match stream.open(most) {
+                Err(error) if failure::is_passing(&error) && since.elapsed() < OPENING_PATIENCE => {
+                    std::thread::sleep(RETRY_INTERVAL);
+                }
+                opened => break opened.map_err(explain)?,
+            }
+        };
         let first = stream.receive(&answer)?;
         Ok((Box::new(stream), first))
     }
+}
+
+/// The beginning of the second in which a time lies that was so long before another.
+fn second_of(now: DateTime, ago: Duration) -> Timestamp {
+    let millis = now.timestamp_millis().saturating_sub(to_i64(ago.as_millis()));
+    Timestamp { time: u32::try_from(millis.div_euclid(1000)).unwrap_or_default(), increment: 1 }
 }
 
 /// A session whose reads do not wait for what it has seen.
@@ -92,8 +119,11 @@ impl ServerStream {
         };
         let mut stages = vec![doc! { "$changeStream": options }];
         stages.extend(request.stages.iter().cloned());
-        let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": sized(most) };
-        command.extend(request.collation.clone().map(|collation| ("collation".to_owned(), collation.into())));
+        let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": most.map(|most| sized(Some(most))).unwrap_or_default() };
+        for (name, value) in [("collation", &request.collation), ("let", &request.variables)] {
+            command.extend(value.clone().map(|value| (name.to_owned(), value.into())));
+        }
+        command.extend(max_time().map(|limit| ("maxTimeMS".to_owned(), limit.into())));
         let database = database.to_owned();
         self.run(&database, command)
     }
@@ -113,8 +143,8 @@ impl ServerStream {
                 self.open(most).map(Some)
             }
             Cursor::Open { id, collection } => {
-                // Where 0 stands for, the server waits for a second.
-                let wait = i64::try_from(wait.as_millis()).unwrap_or(i64::MAX).max(1);
+                // Servers differ in what 0 means.
+                let wait = to_i64(wait.as_millis()).max(1);
                 let mut command = doc! { "getMore": id, "collection": collection, "maxTimeMS": wait };
                 command.extend(sized(most));
                 let database = database_of(&self.request.scope).to_owned();
@@ -159,7 +189,7 @@ impl ServerEvents for ServerStream {
         let since = Instant::now();
         match self.ask(most, wait) {
             Ok(answer) => {
-                self.away = None;
+                self.away = Duration::ZERO;
                 match answer {
                     Some(answer) => self.receive(&answer),
                     None => Ok(self.nothing()),
@@ -167,11 +197,13 @@ impl ServerEvents for ServerStream {
             }
             // Without a token, nobody knows where it is to go on.
             Err(error) if failure::is_passing(&error) && self.token.is_some() => {
+                self.close();
                 self.cursor = Cursor::Lost;
-                if self.away.get_or_insert(since).elapsed() > PATIENCE {
+                if self.away > PATIENCE {
                     return Err(explain(&self.address, &error));
                 }
                 std::thread::sleep(wait.min(RETRY_INTERVAL).saturating_sub(since.elapsed()));
+                self.away += since.elapsed();
                 Ok(self.nothing())
             }
             Err(error) => Err(explain(&self.address, &error)),
@@ -179,13 +211,19 @@ impl ServerEvents for ServerStream {
     }
 }
 
-impl Drop for ServerStream {
-    fn drop(&mut self) {
+impl ServerStream {
+    /// Closes the cursor on the server, without waiting for that. One that does not hear of it does so after ten minutes.
+    fn close(&self) {
         let Cursor::Open { id, collection } = &self.cursor else { return };
         let database = self.client.database(database_of(&self.request.scope));
         let command = doc! { "killCursors": collection, "cursors": [*id] };
-        // Whoever closes a stream does not wait for the server. One that is not told closes the cursor after ten minutes.
         std::thread::spawn(move || database.run_command(command).run());
+    }
+}
+
+impl Drop for ServerStream {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 
@@ -195,7 +233,7 @@ fn database_of(scope: &Scope) -> &str {
 }
 
 fn sized(most: Option<u64>) -> Document {
-    most.map(|most| doc! { "batchSize": i64::try_from(most).unwrap_or(i64::MAX) }).unwrap_or_default()
+    doc! { "batchSize": to_i64(most.unwrap_or(MOST).min(MOST)) }
 }
 
 fn explain(address: &str, error: &mongodb::error::Error) -> StoreError {
@@ -203,6 +241,22 @@ fn explain(address: &str, error: &mongodb::error::Error) -> StoreError {
         Some(failure::NO_STREAMS) => {
             StoreError::Failed { address: address.to_owned(), reason: failure::STANDALONE.to_owned() }
         }
+        _ if failure::is_passing(error) => StoreError::unreachable(address, failure::brief(error)),
         _ => failure::explain(address, error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stream_begins_with_the_second_of_its_time_by_the_servers_clock() {
+        let now = DateTime::from_millis(1_800_000_010_250);
+        let begin = |millis| second_of(now, Duration::from_millis(millis)).time;
+        assert_eq!(
+            [0, 250, 251, 10_250, 10_251].map(begin),
+            [10, 10, 9, 0, u32::MAX].map(|n: u32| n.wrapping_add(1_800_000_000))
+        );
     }
 }

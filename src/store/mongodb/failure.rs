@@ -17,6 +17,9 @@ const INVALID: i32 = 121;
 /// Codes for the server's state, not for a mistake in the request.
 const STATE: [i32; 18] = [6, 7, 13, 18, 50, 64, 89, 91, 100, 189, 262, 9001, 10058, 10107, 11600, 11602, 13435, 14031];
 
+/// The server's code for what a user may not do.
+pub(super) const UNAUTHORIZED: i32 = 13;
+
 /// The server's code for a change stream of a server that is not replicated.
 pub(super) const NO_STREAMS: i32 = 40_573;
 

@@ -63,6 +63,14 @@ impl MongoDb {
     /// Makes the server keep images of the collection, which is made where it is
     /// missing. Where that is not allowed, changes come without the document before.
     pub(super) fn keep_images(&self, ns: &Namespace, create: bool) -> Result<(), StoreError> {
+        // A `collMod` locks the collection, and is an event for those that follow it.
+        let options = self.options_of(ns, &["collection"])?.unwrap_or_default();
+        if options
+            .get_document("changeStreamPreAndPostImages")
+            .is_ok_and(|images| images.get_bool("enabled").unwrap_or(false))
+        {
+            return Ok(());
+        }
         let database = self.client().database(&ns.database);
         let images = doc! { "enabled": true };
         let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": images.clone() };

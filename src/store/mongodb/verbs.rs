@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bson::raw::cstr;
 use bson::{Bson, DateTime, Document, RawDocument, RawDocumentBuf, doc};
-use mongodb::options::UpdateModifications;
+use mongodb::options::{ChangeStreamPreAndPostImages, UpdateModifications};
 use mongodb::results::UpdateResult;
 
 use super::action::{bypassing, hint_of_driver, max_time, modified, of_driver};
@@ -255,6 +255,14 @@ impl Store for MongoDb {
         self.follow(ns, name)
     }
 
+    fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
+        match self.client().database(database).drop().run() {
+            // Who may drop collections, and no databases, has dropped all that there was.
+            Err(error) if failure::code(&error) == Some(failure::UNAUTHORIZED) => Ok(()),
+            dropped => dropped.map_err(|e| self.explain(&e)),
+        }
+    }
+
     fn set_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
         self.change_images(ns, are_kept)
     }
@@ -276,7 +284,7 @@ impl Store for MongoDb {
     }
 
     fn create(&self, ns: &Namespace, collation: Option<&Collation>) -> Result<bool, StoreError> {
-        self.create_validating(ns, collation, &Validation::default())
+        self.create_validating(ns, collation, &Validation::default(), None)
     }
 
     fn create_validating(
@@ -284,9 +292,14 @@ impl Store for MongoDb {
         ns: &Namespace,
         collation: Option<&Collation>,
         validation: &Validation,
+        images: Option<bool>,
     ) -> Result<bool, StoreError> {
         let database = self.client().database(&ns.database);
         let mut action = database.create_collection(&ns.collection);
+        if let Some(enabled) = images {
+            action = action
+                .change_stream_pre_and_post_images(ChangeStreamPreAndPostImages::builder().enabled(enabled).build());
+        }
         if let Some(collation) = collation.filter(|collation| !collation.is_simple()) {
             action = action.collation(of_driver(collation)?);
         }

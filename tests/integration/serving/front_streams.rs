@@ -18,13 +18,16 @@ type Case = fn(&str) -> Result<(), Failed>;
 pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::change_streams_do_not_show_what_rmem_keeps", hidden),
     ("serving::in_front_of_mongod::change_streams_begin_and_end_as_the_servers", begun_and_ended),
+    ("serving::in_front_of_mongod::change_streams_are_of_what_is_served", of_what_is_served),
 ];
 
 type Killer = fn(&Path) -> Result<(), Failed>;
 
 /// What is tried with a server of its own.
-pub(crate) const KILLERS: &[(&str, Killer)] =
-    &[("serving::in_front_of_mongod::a_change_stream_goes_on_where_the_server_was_away", gone_on)];
+pub(crate) const KILLERS: &[(&str, Killer)] = &[
+    ("serving::in_front_of_mongod::a_change_stream_goes_on_where_the_server_was_away", gone_on),
+    ("serving::in_front_of_mongod::a_change_stream_is_opened_where_the_server_fails_for_a_moment", opened_again),
+];
 
 const DATABASE: &str = "front_streams";
 
@@ -54,7 +57,8 @@ impl Follower {
             Some(collection) => doc! { "aggregate": collection },
             None => doc! { "aggregate": 1 },
         };
-        let rest = doc! { "pipeline": pipeline, "cursor": {}, "$db": database };
+        let variables = doc! { "kind": "insert" };
+        let rest = doc! { "pipeline": pipeline, "cursor": {}, "let": variables, "$db": database };
         let answer = wire.run(&command.into_iter().chain(rest).collect())?;
         let cursor = answer.get_document("cursor").map_err(|_| Failed::from(answer.to_string()))?;
         let collection = cursor.get_str("ns")?.split_once('.').map_or("", |(_, name)| name).to_owned();
@@ -137,7 +141,8 @@ fn hidden(mongod: &str) -> Result<(), Failed> {
     };
     let mut stream = open(Some("hidden"), &options, &[])?;
     let mut all = open(None, &doc! {}, &[])?;
-    let stages = [doc! { "$match": { "fullDocument._robmem_info": { "$exists": false }, "operationType": "insert" } }];
+    let is_insert = doc! { "$eq": ["$operationType", "$$kind"] };
+    let stages = [doc! { "$match": { "fullDocument._robmem_info": { "$exists": false }, "$expr": is_insert } }];
     let mut inserted = open(Some("hidden"), &doc! {}, &stages)?;
     let own = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0", "--meta"])?;
     let mut shown = Follower::open(own.address(), DATABASE, Some("hidden"), doc! {}, &[])?;
@@ -154,10 +159,22 @@ fn hidden(mongod: &str) -> Result<(), Failed> {
     let computed = doc! { "_id": 2, "_robmem_info": { "computed": true } };
     behind.collection::<Document>("hidden").insert_one(&computed).run()?;
     behind.collection::<Document>("hidden").delete_one(doc! { "_id": 2 }).run()?;
+    let own = doc! { "_id": 4, "_robmem_info": { "l": &list } };
+    let cut = vec![doc! { "$set": { "_robmem_info.l": { "$slice": ["$_robmem_info.l", 90] } } }];
+    behind.collection::<Document>("others").insert_one(own).run()?;
+    behind.collection::<Document>("others").update_one(doc! {}, cut).run()?;
     behind.collection::<Document>("rmem.own").insert_one(doc! { "_id": 3 }).run()?;
 
-    let kinds =
-        [("insert", 1), ("update", 1), ("update", 1), ("update", 1), ("replace", 1), ("delete", 1), ("delete", 2)];
+    let kinds = [
+        ("insert", 1),
+        ("update", 1),
+        ("update", 1),
+        ("update", 1),
+        ("replace", 1),
+        ("delete", 1),
+        ("delete", 2),
+        ("insert", 4),
+    ];
     let events = stream.take(6)?;
     assert_eq!(heads(&events), kinds[..6]);
     assert!(!format!("{events:?}").contains("_robmem_info"), "{events:?}");
@@ -170,11 +187,56 @@ fn hidden(mongod: &str) -> Result<(), Failed> {
     assert_eq!(document(4, "fullDocument")?, doc! { "_id": 1, "c": 1 });
     assert!(document(4, "updateDescription").is_err());
     // Where no document before it is kept, nobody knows whether a computable made what is removed.
-    assert_eq!(heads(&all.take(7)?), kinds);
+    assert_eq!(heads(&all.take(8)?), kinds);
     assert_eq!(heads(&inserted.take(1)?), kinds[..1]);
     let shown = shown.take(8)?;
     assert!(shown[0].get_document("fullDocument")?.contains_key("_robmem_info"), "{shown:?}");
     assert!(heads(&shown).iter().filter(|(kind, _)| *kind == "update").count() == 4, "{shown:?}");
+    Ok(())
+}
+
+fn of_what_is_served(mongod: &str) -> Result<(), Failed> {
+    const SERVED: &str = "front_streams_served";
+    let folder = tempfile::tempdir()?;
+    let settings = "shared = 'file:shared.rmem'\nshared_databases = ['front_streams_shared']\nkeep_history = '1h'\n";
+    std::fs::write(folder.path().join("rmem.toml"), settings)?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let (client, behind) = (served.client()?, Client::with_uri_str(mongod)?);
+    let database = client.database(SERVED);
+    database.drop().run()?;
+    let things = database.collection::<Document>("c");
+    things.insert_one(doc! { "_id": 1 }).run()?;
+    // A database of a shared name on this server is not what is served by that name.
+    let expanded = doc! { "showExpandedEvents": true };
+    let mut all = {
+        let options = doc! { "allChangesForCluster": true };
+        let stages = [doc! { "$match": { "ns.db": { "$in": [SERVED, "front_streams_shared"] } } }];
+        Follower::open(served.address(), "admin", None, options, &stages)?
+    };
+    let mut expanded = Follower::open(served.address(), SERVED, None, expanded, &[])?;
+    let shared = |client: &Client| client.database("front_streams_shared").collection::<Document>("c");
+    shared(&behind).insert_one(doc! { "_id": 7 }).run()?;
+    shared(&behind).drop().run()?;
+    shared(&client).insert_one(doc! { "_id": 8 }).run()?;
+    // What rmem does for a document that decays, and for a history, is no event for clients.
+    let decay = bson::DateTime::from_millis(4_000_000_000_000);
+    things.insert_one(doc! { "_id": 2, "_robmem_info": { "decay_time": decay } }).run()?;
+    things.update_one(doc! { "_id": 2 }, doc! { "$set": { "a": 1 } }).run()?;
+    let images = doc! { "create": "d", "changeStreamPreAndPostImages": { "enabled": true } };
+    database.run_command(images).run()?;
+    database.drop().run()?;
+    let kinds = [
+        ("insert", 2),
+        ("update", 2),
+        ("create", -1),
+        ("drop", -1),
+        ("drop", -1),
+        ("dropDatabase", -1),
+        ("invalidate", -1),
+    ];
+    assert_eq!(heads(&expanded.take(7)?), kinds);
+    let kinds: Vec<_> = kinds.into_iter().filter(|(kind, _)| !["create", "invalidate"].contains(kind)).collect();
+    assert_eq!(heads(&all.take(5)?), kinds);
     Ok(())
 }
 
@@ -256,5 +318,40 @@ fn gone_on(program: &Path) -> Result<(), Failed> {
     things.insert_one(doc! { "_id": 2 }).run()?;
     assert_eq!(heads(&stream.take(2)?), [("insert", 1), ("insert", 2)]);
     assert_eq!(heads(&read.take(1)?), [("insert", 2)]);
+    Ok(())
+}
+
+fn opened_again(program: &Path) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let server = Mongod::failing(program)?;
+    let admin = crate::mongod::admin(server.port)?;
+    let served = Served::start_memory(folder.path(), &server.uri, &["--listen", "127.0.0.1:0"])?;
+    let things = served.client()?.database(DATABASE).collection::<Document>("opened");
+    things.insert_one(doc! { "_id": 0 }).run()?;
+    let fail = |times: i32, command: &str, how: Document| -> Result<(), Failed> {
+        let data: Document = doc! { "failCommands": [command] }.into_iter().chain(how).collect();
+        admin
+            .run_command(doc! { "configureFailPoint": "failCommand", "mode": { "times": times }, "data": data })
+            .run()?;
+        Ok(())
+    };
+    let open = || Follower::open(served.address(), DATABASE, Some("opened"), doc! {}, &[]);
+    for how in [doc! { "errorCode": 10_107 }, doc! { "errorCode": 91 }, doc! { "closeConnection": true }] {
+        fail(2, "aggregate", how)?;
+        open()?;
+    }
+    let mut stream = open()?;
+    for (id, how) in
+        (1..).zip([doc! { "errorCode": 43 }, doc! { "errorCode": 11_602 }, doc! { "closeConnection": true }])
+    {
+        fail(2, "getMore", how)?;
+        things.insert_one(doc! { "_id": id }).run()?;
+        assert_eq!(heads(&stream.take(1)?), [("insert", id)]);
+    }
+    // What does not pass is the client's to know of.
+    fail(1, "getMore", doc! { "errorCode": 286 })?;
+    let error = (0..3).find_map(|_| stream.next().err()).ok_or("no error")?;
+    let message = error.message().unwrap_or_default().to_owned();
+    assert!(message.contains("NonResumableChangeStreamError") && message.contains("286"), "{message}");
     Ok(())
 }
