@@ -55,11 +55,10 @@ enum Cursor {
 impl MongoDb {
     pub(super) fn open_events(
         &self,
-        request: EventRequest,
+        mut request: EventRequest,
         most: Option<u64>,
     ) -> Result<(Box<dyn ServerEvents>, Events), StoreError> {
         let explain = |error: mongodb::error::Error| explain(&self.address, &error);
-        let mut request = request;
         if let Some(since) = request.since {
             let hello = self.hello().map_err(explain)?;
             if let Ok(now) = hello.get_datetime("localTime") {
@@ -119,7 +118,8 @@ impl ServerStream {
         };
         let mut stages = vec![doc! { "$changeStream": options }];
         stages.extend(request.stages.iter().cloned());
-        let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": most.map(|most| sized(Some(most))).unwrap_or_default() };
+        let cursor = most.map(sized).unwrap_or_default();
+        let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": cursor };
         for (name, value) in [("collation", &request.collation), ("let", &request.variables)] {
             command.extend(value.clone().map(|value| (name.to_owned(), value.into())));
         }
@@ -146,7 +146,7 @@ impl ServerStream {
                 // Servers differ in what 0 means.
                 let wait = to_i64(wait.as_millis()).max(1);
                 let mut command = doc! { "getMore": id, "collection": collection, "maxTimeMS": wait };
-                command.extend(sized(most));
+                command.extend(sized(most.unwrap_or(MOST)));
                 let database = database_of(&self.request.scope).to_owned();
                 self.run(&database, command).map(Some)
             }
@@ -171,6 +171,14 @@ impl ServerStream {
             (id, name) => Cursor::Open { id, collection: name.map_or("", |(_, name)| name).to_owned() },
         };
         Ok(Events { events, count, token: self.token.clone(), is_over: id == 0 })
+    }
+
+    /// Closes the cursor on the server, without waiting for that. One that does not hear of it does so after ten minutes.
+    fn close(&self) {
+        let Cursor::Open { id, collection } = &self.cursor else { return };
+        let database = self.client.database(database_of(&self.request.scope));
+        let command = doc! { "killCursors": collection, "cursors": [*id] };
+        std::thread::spawn(move || database.run_command(command).run());
     }
 
     fn nothing(&self) -> Events {
@@ -211,16 +219,6 @@ impl ServerEvents for ServerStream {
     }
 }
 
-impl ServerStream {
-    /// Closes the cursor on the server, without waiting for that. One that does not hear of it does so after ten minutes.
-    fn close(&self) {
-        let Cursor::Open { id, collection } = &self.cursor else { return };
-        let database = self.client.database(database_of(&self.request.scope));
-        let command = doc! { "killCursors": collection, "cursors": [*id] };
-        std::thread::spawn(move || database.run_command(command).run());
-    }
-}
-
 impl Drop for ServerStream {
     fn drop(&mut self) {
         self.close();
@@ -232,8 +230,8 @@ fn database_of(scope: &Scope) -> &str {
     scope.database().unwrap_or("admin")
 }
 
-fn sized(most: Option<u64>) -> Document {
-    doc! { "batchSize": to_i64(most.unwrap_or(MOST).min(MOST)) }
+fn sized(most: u64) -> Document {
+    doc! { "batchSize": to_i64(most.min(MOST)) }
 }
 
 fn explain(address: &str, error: &mongodb::error::Error) -> StoreError {
