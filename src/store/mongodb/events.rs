@@ -19,8 +19,11 @@ use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError};
 const PATIENCE: Duration = Duration::from_secs(30);
 /// … and before it is not opened at all. The driver itself looks for a primary for 4 s.
 const OPENING_PATIENCE: Duration = Duration::from_secs(4);
-/// At most so many events are asked for at once: the driver decodes all of them before they are passed on.
+/// At most so many events are asked for at once …
 const MOST: u64 = 1_000;
+/// … and, by the size of those before, no more than about so many bytes: the driver decodes all of them, into about
+/// ten times as much memory, before they are passed on.
+const MOST_BYTES: u64 = 1 << 20;
 /// How long a server that was just lost is not asked again.
 const RETRY_INTERVAL: Duration = Duration::from_millis(200);
 /// Where a stream begins: by one of these.
@@ -36,6 +39,8 @@ struct ServerStream {
     cursor: Cursor,
     /// Behind what was given.
     token: Option<Document>,
+    /// How many events are asked for at once.
+    most: u64,
     /// How long the server has been asked in vain.
     away: Duration,
 }
@@ -72,6 +77,7 @@ impl MongoDb {
             request,
             cursor: Cursor::Lost,
             token: None,
+            most: MOST,
             away: Duration::ZERO,
         };
         let since = Instant::now();
@@ -118,7 +124,7 @@ impl ServerStream {
         };
         let mut stages = vec![doc! { "$changeStream": options }];
         stages.extend(request.stages.iter().cloned());
-        let cursor = most.map(sized).unwrap_or_default();
+        let cursor = most.map(|most| sized(most.min(self.most))).unwrap_or_default();
         let mut command = doc! { "aggregate": target, "pipeline": stages, "cursor": cursor };
         for (name, value) in [("collation", &request.collation), ("let", &request.variables)] {
             command.extend(value.clone().map(|value| (name.to_owned(), value.into())));
@@ -146,7 +152,7 @@ impl ServerStream {
                 // Servers differ in what 0 means.
                 let wait = to_i64(wait.as_millis()).max(1);
                 let mut command = doc! { "getMore": id, "collection": collection, "maxTimeMS": wait };
-                command.extend(sized(most.unwrap_or(MOST)));
+                command.extend(sized(most.map_or(self.most, |most| most.min(self.most))));
                 let database = database_of(&self.request.scope).to_owned();
                 self.run(&database, command).map(Some)
             }
@@ -162,6 +168,9 @@ impl ServerStream {
         for event in batch.into_iter().flatten().filter_map(Bson::as_document) {
             events.push(RawDocumentBuf::try_from(event).map_err(QueryError::from)?.as_ref());
             (count, last) = (count + 1, event.get_document("_id").ok());
+        }
+        if let Some(size) = (events.as_bytes().len() as u64).checked_div(count as u64) {
+            self.most = (MOST_BYTES / size.max(1)).clamp(1, MOST);
         }
         let token = cursor.get_document("postBatchResumeToken").ok().or(last).cloned();
         self.token = token.or_else(|| self.token.take());
@@ -231,7 +240,7 @@ fn database_of(scope: &Scope) -> &str {
 }
 
 fn sized(most: u64) -> Document {
-    doc! { "batchSize": to_i64(most.min(MOST)) }
+    doc! { "batchSize": to_i64(most) }
 }
 
 fn explain(address: &str, error: &mongodb::error::Error) -> StoreError {

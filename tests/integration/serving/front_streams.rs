@@ -19,6 +19,7 @@ pub(crate) const CASES: &[(&str, Case)] = &[
     ("serving::in_front_of_mongod::change_streams_do_not_show_what_rmem_keeps", hidden),
     ("serving::in_front_of_mongod::change_streams_begin_and_end_as_the_servers", begun_and_ended),
     ("serving::in_front_of_mongod::change_streams_are_of_what_is_served", of_what_is_served),
+    ("serving::in_front_of_mongod::change_streams_bring_large_events_few_at_a_time", few_at_a_time),
 ];
 
 type Killer = fn(&Path) -> Result<(), Failed>;
@@ -127,6 +128,8 @@ fn heads(events: &[Document]) -> Vec<(&str, i32)> {
 }
 
 fn hidden(mongod: &str) -> Result<(), Failed> {
+    // A stream of a database hears of what other tests do in theirs.
+    const DATABASE: &str = "front_streams_hidden";
     let folder = tempfile::tempdir()?;
     let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
     let database = served.client()?.database(DATABASE);
@@ -237,6 +240,26 @@ fn of_what_is_served(mongod: &str) -> Result<(), Failed> {
     assert_eq!(heads(&expanded.take(7)?), kinds);
     let kinds: Vec<_> = kinds.into_iter().filter(|(kind, _)| !["create", "invalidate"].contains(kind)).collect();
     assert_eq!(heads(&all.take(5)?), kinds);
+    Ok(())
+}
+
+fn few_at_a_time(mongod: &str) -> Result<(), Failed> {
+    let folder = tempfile::tempdir()?;
+    let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
+    let things = served.client()?.database(DATABASE).collection::<Document>("few");
+    things.drop().run()?;
+    things.insert_one(doc! { "_id": -1 }).run()?;
+    let mut stream = Follower::open(served.address(), DATABASE, Some("few"), doc! {}, &[])?;
+    let text = "x".repeat(200_000);
+    let insert = |ids: std::ops::Range<i32>| things.insert_many(ids.map(|id| doc! { "_id": id, "text": &text })).run();
+    insert(0..1)?;
+    assert_eq!(heads(&stream.take(1)?), [("insert", 0)]);
+    insert(1..40)?;
+    let (mut sizes, since) = (Vec::new(), std::time::Instant::now());
+    while sizes.iter().sum::<usize>() < 39 && since.elapsed() < super::TIMEOUT {
+        sizes.push(stream.next()?.len());
+    }
+    assert!(sizes.iter().all(|size| *size <= 5) && sizes.iter().sum::<usize>() == 39, "{sizes:?}");
     Ok(())
 }
 
