@@ -17,8 +17,8 @@ use crate::store::mongodb::admin::{Admin, AdminError};
 
 /// How long a process may take to accept a connection, and to answer one that only looks at it.
 pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
-/// How long it may take to answer one that starts or stops it, which may be when a robot starts everything else, too.
-const PATIENCE: Duration = Duration::from_secs(15);
+/// Timeout for the same where it is to be started or stopped: on a busy machine it answers late.
+const BUSY_ANSWER_TIMEOUT: Duration = Duration::from_secs(15);
 /// How long a primary looks for another member to take over.
 const HANDOVER_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a process that listens may take to go into the background.
@@ -59,12 +59,12 @@ pub fn up(backend: &Backend) -> Result<Running, BackendError> {
     // Two that start it at once do so one after the other.
     let lock = File::open(&data).and_then(|folder| folder.lock().map(|()| folder));
     let _lock = lock.map_err(|error| failed(backend, format!("cannot lock {}: {error}", data.display())))?;
-    if let Some(running) = look(backend, &data, PATIENCE)? {
+    if let Some(running) = look(backend, &data, BUSY_ANSWER_TIMEOUT)? {
         return Ok(running);
     }
     start(backend, &data)?;
     await_answer(backend);
-    match look(backend, &data, PATIENCE)? {
+    match look(backend, &data, BUSY_ANSWER_TIMEOUT)? {
         Some(running) => {
             let pid = running.pid.map(|pid| pid.to_string()).unwrap_or_default();
             // For people, and for a process that does not listen; a listening process is asked itself.
@@ -285,7 +285,7 @@ fn logged_error(log: &Path, from: u64) -> Option<String> {
 /// Where it does not end, or something else has its port.
 pub fn down(backend: &Backend) -> Result<Down, BackendError> {
     let Ok(data) = fs::canonicalize(&backend.path) else { return Ok(Down::Absent) };
-    let Some(running) = look(backend, &data, PATIENCE)? else {
+    let Some(running) = look(backend, &data, BUSY_ANSWER_TIMEOUT)? else {
         return match noted(&data).filter(|pid| is_mongod_of(*pid, &data)) {
             // It does not listen yet, or any more.
             Some(pid) => terminate(backend, &data, pid),

@@ -15,10 +15,10 @@ use crate::query::QueryError;
 use crate::saturate::to_i64;
 use crate::store::{EventRequest, Events, Scope, ServerEvents, StoreError};
 
-/// How long the server is asked in vain before the stream ends with an error …
-const PATIENCE: Duration = Duration::from_secs(30);
-/// … and before it is not opened at all. The driver itself looks for a primary for 4 s.
-const OPENING_PATIENCE: Duration = Duration::from_secs(4);
+/// How long failed requests may take together before the stream ends with an error.
+const RESUME_TIMEOUT: Duration = Duration::from_secs(30);
+/// How long opening a stream is tried. The driver itself looks for a primary for 4 s.
+const OPEN_TIMEOUT: Duration = Duration::from_secs(4);
 /// At most so many events are asked for at once …
 const MOST: u64 = 1_000;
 /// … and, by the size of those before, no more than about so many bytes: the driver decodes all of them, into about
@@ -41,7 +41,7 @@ struct ServerStream {
     token: Option<Document>,
     /// How many events are asked for at once.
     most: u64,
-    /// How long the server has been asked in vain.
+    /// How long requests have failed since the last answer.
     away: Duration,
 }
 
@@ -83,7 +83,7 @@ impl MongoDb {
         let since = Instant::now();
         let answer = loop {
             match stream.open(most) {
-                Err(error) if failure::is_passing(&error) && since.elapsed() < OPENING_PATIENCE => {
+                Err(error) if failure::is_passing(&error) && since.elapsed() < OPEN_TIMEOUT => {
                     std::thread::sleep(RETRY_INTERVAL);
                 }
                 opened => break opened.map_err(explain)?,
@@ -182,7 +182,7 @@ impl ServerStream {
         Ok(Events { events, count, token: self.token.clone(), is_over: id == 0 })
     }
 
-    /// Closes the cursor on the server, without waiting for that. One that does not hear of it does so after ten minutes.
+    /// Closes the cursor on the server in the background. If that fails, the server closes the idle cursor after ten minutes.
     fn close(&self) {
         let Cursor::Open { id, collection } = &self.cursor else { return };
         let database = self.client.database(database_of(&self.request.scope));
@@ -212,11 +212,11 @@ impl ServerEvents for ServerStream {
                     None => Ok(self.nothing()),
                 }
             }
-            // Without a token, nobody knows where it is to go on.
+            // A stream without a resume token cannot be resumed.
             Err(error) if failure::is_passing(&error) && self.token.is_some() => {
                 self.close();
                 self.cursor = Cursor::Lost;
-                if self.away > PATIENCE {
+                if self.away > RESUME_TIMEOUT {
                     return Err(explain(&self.address, &error));
                 }
                 std::thread::sleep(wait.min(RETRY_INTERVAL).saturating_sub(since.elapsed()));

@@ -1,7 +1,7 @@
 //! Images of documents before and after changes, which servers from version 6 on keep for
 //! collections with that option.
 
-use bson::{Document, doc};
+use bson::doc;
 
 use super::{MongoDb, failure};
 use crate::query::QueryError;
@@ -54,10 +54,14 @@ impl MongoDb {
         Ok(*self.version.get_or_init(|| version) >= least)
     }
 
-    /// Makes the server keep images of the collection, which is there, or not any more.
+    /// Makes the server keep images of an existing collection, or stop doing so.
     pub(super) fn change_images(&self, ns: &Namespace, are_kept: bool) -> Result<(), StoreError> {
+        self.modify_images(ns, are_kept).map_err(|e| self.explain(&e))
+    }
+
+    fn modify_images(&self, ns: &Namespace, are_kept: bool) -> mongodb::error::Result<()> {
         let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": { "enabled": are_kept } };
-        self.client().database(&ns.database).run_command(modify).run().map(drop).map_err(|e| self.explain(&e))
+        self.client().database(&ns.database).run_command(modify).run().map(drop)
     }
 
     /// Makes the server keep images of the collection, which is made where it is
@@ -71,24 +75,20 @@ impl MongoDb {
         {
             return Ok(());
         }
-        let database = self.client().database(&ns.database);
-        let images = doc! { "enabled": true };
-        let modify = doc! { "collMod": &ns.collection, "changeStreamPreAndPostImages": images.clone() };
-        let asked = database.run_command(modify.clone()).run();
-        let outcome = match asked {
+        let outcome = match self.modify_images(ns, true) {
             Err(error) if create && failure::code(&error) == Some(QueryError::NAMESPACE_NOT_FOUND) => {
-                let made: Document = doc! { "create": &ns.collection, "changeStreamPreAndPostImages": images };
-                match database.run_command(made).run() {
+                let made = doc! { "create": &ns.collection, "changeStreamPreAndPostImages": { "enabled": true } };
+                match self.client().database(&ns.database).run_command(made).run() {
                     Err(error) if failure::code(&error) == Some(QueryError::NAMESPACE_EXISTS) => {
-                        database.run_command(modify).run()
+                        self.modify_images(ns, true)
                     }
-                    outcome => outcome,
+                    outcome => outcome.map(drop),
                 }
             }
             outcome => outcome,
         };
         match outcome {
-            Ok(_) => Ok(()),
+            Ok(()) => Ok(()),
             // The server's refusal is no failure; that it cannot be reached is.
             Err(error) if failure::code(&error).is_some() => Ok(()),
             Err(error) => Err(self.explain(&error)),

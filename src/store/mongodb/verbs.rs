@@ -257,7 +257,7 @@ impl Store for MongoDb {
 
     fn note_dropped(&self, database: &str) -> Result<(), StoreError> {
         match self.client().database(database).drop().run() {
-            // Who may drop collections, and no databases, has dropped all that there was.
+            // A user may have the right to drop collections only; then all of them are dropped.
             Err(error) if failure::code(&error) == Some(failure::UNAUTHORIZED) => Ok(()),
             dropped => dropped.map_err(|e| self.explain(&e)),
         }

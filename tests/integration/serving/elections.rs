@@ -114,7 +114,7 @@ fn elections(program: &Path) -> Result<(), Failed> {
     let behind = Client::with_uri_str(&uri)?.database("elections");
     let found = behind.collection::<Document>("things").find(doc! {}).read_concern(ReadConcern::majority()).run()?;
     let stored = found.map(|found| Ok(found?.get_str("_id")?.to_owned())).collect::<Result<BTreeSet<_>, Failed>>()?;
-    // What was stored is heard of once, by a stream that nobody had to open again.
+    // The stream reported each stored document once, and its client did not open it again.
     assert_eq!(heard.len(), stored.len(), "{:?}", stored.difference(&heard.iter().cloned().collect()));
     assert_eq!(heard.into_iter().collect::<BTreeSet<_>>(), stored);
     for (client, told) in (0..).zip(&told) {

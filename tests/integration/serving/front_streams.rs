@@ -9,6 +9,7 @@ use libtest_mimic::Failed;
 use mongodb::sync::Client;
 
 use super::Served;
+use super::outages::fail_behind;
 use super::wire::Wire;
 use crate::mongod::Mongod;
 
@@ -97,7 +98,7 @@ impl Follower {
         Ok(all)
     }
 
-    /// The `_id`s of what is inserted, each as often as it is heard of, until all that is `stored` at the end is.
+    /// The `_id`s of the inserts, as often as they are reported, up to `last`, which is inserted after `stop` is set.
     pub(super) fn inserted(mut self, stop: &AtomicBool, last: &str) -> Result<Vec<String>, Failed> {
         let (mut all, mut stopped) = (Vec::<String>::new(), None);
         loop {
@@ -115,6 +116,16 @@ impl Follower {
             }
         }
     }
+
+    /// The `_id`s of the events up to that of one.
+    fn take_all_of(mut self, last: i32) -> Result<BTreeSet<i32>, Failed> {
+        let (mut all, since) = (BTreeSet::new(), std::time::Instant::now());
+        while !all.contains(&last) {
+            assert!(since.elapsed() < super::TIMEOUT, "{all:?}");
+            all.extend(heads(&self.next()?).into_iter().map(|(_, id)| id));
+        }
+        Ok(all)
+    }
 }
 
 fn events(cursor: &Document, batch: &str) -> Result<Vec<Document>, Failed> {
@@ -128,7 +139,7 @@ fn heads(events: &[Document]) -> Vec<(&str, i32)> {
 }
 
 fn hidden(mongod: &str) -> Result<(), Failed> {
-    // A stream of a database hears of what other tests do in theirs.
+    // Of this test alone: a stream of a database reports what other tests do in it.
     const DATABASE: &str = "front_streams_hidden";
     let folder = tempfile::tempdir()?;
     let served = Served::start_memory(folder.path(), mongod, &["--listen", "127.0.0.1:0"])?;
@@ -189,7 +200,7 @@ fn hidden(mongod: &str) -> Result<(), Failed> {
     assert_eq!(document(3, "updateDescription")?.get_array("truncatedArrays")?.len(), 1);
     assert_eq!(document(4, "fullDocument")?, doc! { "_id": 1, "c": 1 });
     assert!(document(4, "updateDescription").is_err());
-    // Where no document before it is kept, nobody knows whether a computable made what is removed.
+    // Without the document before, a stream cannot leave out the removal of a computed document.
     assert_eq!(heads(&all.take(8)?), kinds);
     assert_eq!(heads(&inserted.take(1)?), kinds[..1]);
     let shown = shown.take(8)?;
@@ -312,18 +323,6 @@ fn begun_and_ended(mongod: &str) -> Result<(), Failed> {
     Ok(())
 }
 
-impl Follower {
-    /// The `_id`s of the events up to that of one.
-    fn take_all_of(mut self, last: i32) -> Result<BTreeSet<i32>, Failed> {
-        let (mut all, since) = (BTreeSet::new(), std::time::Instant::now());
-        while !all.contains(&last) {
-            assert!(since.elapsed() < super::TIMEOUT, "{all:?}");
-            all.extend(heads(&self.next()?).into_iter().map(|(_, id)| id));
-        }
-        Ok(all)
-    }
-}
-
 fn gone_on(program: &Path) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let mut server = Mongod::start(program)?;
@@ -351,12 +350,12 @@ fn opened_again(program: &Path) -> Result<(), Failed> {
     let served = Served::start_memory(folder.path(), &server.uri, &["--listen", "127.0.0.1:0"])?;
     let things = served.client()?.database(DATABASE).collection::<Document>("opened");
     things.insert_one(doc! { "_id": 0 }).run()?;
-    let fail = |times: i32, command: &str, how: Document| -> Result<(), Failed> {
-        let data: Document = doc! { "failCommands": [command] }.into_iter().chain(how).collect();
-        admin
-            .run_command(doc! { "configureFailPoint": "failCommand", "mode": { "times": times }, "data": data })
-            .run()?;
-        Ok(())
+    let fail = |times: i32, command: &str, how: Document| {
+        fail_behind(
+            &admin,
+            doc! { "times": times },
+            doc! { "failCommands": [command] }.into_iter().chain(how).collect(),
+        )
     };
     let open = || Follower::open(served.address(), DATABASE, Some("opened"), doc! {}, &[]);
     for how in [doc! { "errorCode": 10_107 }, doc! { "errorCode": 91 }, doc! { "closeConnection": true }] {

@@ -33,7 +33,8 @@ fn close_queries(admin: &Database, skip: i32) -> Result<(), Failed> {
     fail_behind(admin, doc! { "skip": skip }, how)
 }
 
-fn fail_behind(admin: &Database, mode: Document, data: Document) -> Result<(), Failed> {
+/// Has the server fail as `data` says, in a `mode` of its fail point.
+pub(super) fn fail_behind(admin: &Database, mode: Document, data: Document) -> Result<(), Failed> {
     admin.run_command(doc! { "configureFailPoint": "failCommand", "mode": mode, "data": data }).run()?;
     Ok(())
 }
